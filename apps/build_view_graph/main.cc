@@ -49,7 +49,9 @@ int Main(int argc, char** argv) {
     for (const std::string& text : StoredOptions(options.inputs)) {
       command.SetDefaults(text, options.inputs.database_path);
     }
-    return Build(options, flags, command.EffectiveToml(), peers.get());
+    // What was asked for once is not asked for again by --config.
+    const std::string effective_toml = command.EffectiveToml({"recompute", "drop_missing"});
+    return Build(options, flags, effective_toml, peers.get());
   });
   return program.Run(argc, argv);
 }

@@ -217,16 +217,18 @@ void Command::Apply() {
   for (const auto& validate : validators_) validate();
 }
 
-std::string Command::EffectiveToml(const std::string& left_out_unless_given) const {
+std::string Command::EffectiveToml(const std::vector<std::string>& left_out) const {
   std::string text = "# " + name_ + ", cairn " CAIRN_VERSION "\n";
   for (const Dumper& dumper : dumpers_) {
     if (!dumper.module.empty()) text += "\n[" + dumper.module + "]\n";
     text += dumper.dump();
   }
-  if (left_out_unless_given.empty() || IsSet(left_out_unless_given)) return text;
-  const size_t begin = text.find("\n" + left_out_unless_given + " = ");
-  CAIRN_CHECK(begin != std::string::npos);
-  return text.erase(begin, text.find('\n', begin + 1) - begin);
+  for (const std::string& key : left_out) {
+    const size_t begin = text.find("\n" + key + " = ");
+    CAIRN_CHECK(begin != std::string::npos);
+    text.erase(begin, text.find('\n', begin + 1) - begin);
+  }
+  return text;
 }
 
 Program::Program(std::string name, const std::string& description)

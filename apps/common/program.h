@@ -48,9 +48,8 @@ class Command {
   void SetDefaults(const std::string& text, const std::string& origin);
   // Throws ConfigError unless the option was given and is not empty.
   void Require(const std::string& key) const;
-  // The options in force as TOML, with the program's name and version as comments. An option that
-  // means something of its own where it is not given is left out there.
-  std::string EffectiveToml(const std::string& left_out_unless_given = "") const;
+  // The options in force as TOML, with the program's name and version as comments, without these.
+  std::string EffectiveToml(const std::vector<std::string>& left_out = {}) const;
 
  private:
   void AddFields(const std::string& module, const std::vector<OptionField>& fields);

@@ -133,11 +133,12 @@ void WritePhotographs(const std::string& image_path, const std::string& output_p
   run.monitor.BeginStage("photographs", n);
   ParallelFor(run.num_threads, n, [&](int64_t i) {
     Entry& entry = (*entries)[i];
+    const std::string source = PathInFolder(image_path, entry.image.name);
     try {
       outcomes[i] =
-          WritePhotograph(PathInFolder(image_path, entry.image.name),
-                          PathInFolder(output_path + "/images", entry.image.name), &entry);
+          WritePhotograph(source, PathInFolder(output_path + "/images", entry.image.name), &entry);
     } catch (const IoError& error) {
+      if (error.path() != source) throw;
       errors[i] = error.what();
     }
     run.monitor.Advance(1);

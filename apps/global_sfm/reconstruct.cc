@@ -69,7 +69,7 @@ void KeepPlaces(const std::string& input_path, const std::vector<Reconstruction>
     for (size_t i = 0; i < earlier.size() && result.georegistrations[k].empty(); ++i) {
       const std::string place = folders[i] + "/georegistration.json";
       if (goes_on(earlier[i]) && std::filesystem::exists(place)) {
-        result.georegistrations[k] = ReadFile(place);
+        result.georegistrations[k] = PlaceAlone(ReadFile(place));
       }
     }
   }
@@ -100,8 +100,11 @@ int Run(const Command& command, State& state) {
   if (flags.report && !leaves_page_out) {
     result.page = MakeRunPage(database, flags.image_path, result, run);
   }
+  // It means something of its own where it is not given.
+  std::vector<std::string> left_out;
+  if (!command.IsSet("refine_intrinsics")) left_out.push_back("refine_intrinsics");
   const std::string report_path = WriteReconstructResult(
-      result, flags.output_path, command.EffectiveToml("refine_intrinsics"), flags.overwrite, run);
+      result, flags.output_path, command.EffectiveToml(left_out), flags.overwrite, run);
   const std::string folder = std::filesystem::path(report_path).parent_path().string();
   std::fputs(DescribeResult(result, folder, run).c_str(), stdout);
   if (result.report.Succeeded() && leaves_page_out) {

@@ -51,7 +51,11 @@ ViewGraph GraphOf(const Database& database) {
 void CompleteFlags(const std::string& folder, Command& command, const ReportFlags& flags) {
   const bool is_given = !flags.database_path.empty();
   const std::string options = folder + "/effective.toml";
-  if (!folder.empty()) command.SetDefaults(ReadFile(options), options);
+  try {
+    if (!folder.empty()) command.SetDefaults(ReadFile(options), options);
+  } catch (const IoError&) {
+    if (!is_given) throw;
+  }
   if (flags.database_path.empty()) {
     throw ConfigError("--database_path",
                       "is required for a model that reconstruct did not write: "

@@ -12,6 +12,7 @@
 #include <system_error>
 
 #include "base/file_lock.h"
+#include "base/hash.h"
 #include "base/text.h"
 #include "cairn/base/check.h"
 #include "cairn/base/error.h"
@@ -71,6 +72,16 @@ std::string ReadFile(const std::string& path, size_t max_bytes) {
 
 namespace {
 
+// Beside the file; under another name where its own is too long for the ending.
+std::string TemporaryPath(const std::string& path) {
+  constexpr size_t kMaxName = 255;
+  const std::string ending = ".cairn-tmp";
+  const std::filesystem::path file(path);
+  const std::string name = file.filename().string();
+  if (name.size() + ending.size() <= kMaxName) return path + ending;
+  return (file.parent_path() / (HashToHex(Hasher().Add(name).Digest()) + ending)).string();
+}
+
 bool IsDatabase(const std::string& path) {
   std::ifstream file(path, std::ios::binary);
   char begin[16] = {};
@@ -81,7 +92,7 @@ bool IsDatabase(const std::string& path) {
 }  // namespace
 
 AtomicFile::AtomicFile(const std::string& path)
-    : path_(path), target_(BehindLinks(path)), temporary_path_(target_ + ".cairn-tmp") {
+    : path_(path), target_(BehindLinks(path)), temporary_path_(TemporaryPath(target_)) {
   std::error_code absent;
   const std::filesystem::file_type type = std::filesystem::status(path, absent).type();
   if (type == std::filesystem::file_type::regular && IsDatabase(path)) {
@@ -155,9 +166,16 @@ bool StaysInFolder(const std::string& name) {
 }
 
 std::string BehindLinks(const std::string& path) {
+  namespace fs = std::filesystem;
+  constexpr int kMaxLinks = 40;  // as Linux follows
   std::error_code error;
-  const std::filesystem::path target = std::filesystem::canonical(path, error);
-  return error ? path : target.string();
+  const fs::path target = fs::canonical(path, error);
+  if (!error) return target.string();
+  fs::path end = path;  // of links to what is not there yet
+  for (int k = 0; k < kMaxLinks && fs::is_symlink(fs::symlink_status(end, error)); ++k) {
+    end = end.parent_path() / fs::read_symlink(end, error);
+  }
+  return end.string();
 }
 
 bool IsInFolder(const std::string& path, const std::string& folder) {

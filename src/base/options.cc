@@ -191,7 +191,7 @@ std::vector<std::string> OfOtherModules(const std::string& key,
 
 bool IsRetired(std::string_view name, std::string_view value) {
   const std::string retired = RetiredValue(name);
-  return !retired.empty() && (retired == "*" || retired == value);
+  return !retired.empty() && (retired == "*" || retired == value || Quote(retired) == value);
 }
 
 std::string DidYouMean(const std::string& name, const std::vector<std::string>& known) {

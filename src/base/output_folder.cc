@@ -48,6 +48,10 @@ void ListFiles(const fs::path& folder, const fs::path& name, std::vector<std::st
   const fs::file_status status = fs::symlink_status(folder / name);
   if (!fs::exists(status)) return;
   if (!fs::is_directory(status)) {
+    // (The lists of files have one a line.)
+    if (name.native().find('\n') != std::string::npos) {
+      throw IoError((folder / name).string(), "has a line break in its name");
+    }
     files.push_back(name.generic_string());
     return;
   }

@@ -163,8 +163,10 @@ std::unique_ptr<Database::Impl> OpenConnection(const std::string& path, Database
     impl->Execute("PRAGMA journal_mode = WAL;");
     impl->Execute("PRAGMA synchronous = NORMAL;");
     impl->Execute("PRAGMA foreign_keys = ON;");
+    impl->Execute("PRAGMA secure_delete = OFF;");  // Debian's would write what is deleted, twice
     if (is_empty) CreateColmapTables(*impl);
     impl->Execute(sql::kCairnSchema);
+    impl->Execute(sql::kCairnRules);
   } else {
     AddEmptyTables(*impl);
   }

@@ -229,20 +229,23 @@ void Database::DeleteFeaturesAndPairs(const std::set<image_t>& images) {
     impl_->Execute(
         ("DELETE FROM " + table + " WHERE image_id IN (SELECT image_id FROM removed);").c_str());
   }
-  // An item is an image, or a pair, whose ids are larger than those of images.
-  const auto erase = [&](const std::string& from_where, const std::string& item) {
-    const std::string is_removed = " IN (SELECT image_id FROM removed)";
-    impl_->Execute(("DELETE FROM " + from_where + " " + item + " >= 0 AND (" + item +
-                    " % 2147483647" + is_removed + " OR (" + item + " > 2147483646 AND " + item +
-                    " / 2147483647" + is_removed + "));")
+  const std::string is_removed = " IN (SELECT image_id FROM removed)";
+  const auto erase_pairs = [&](const std::string& from_where, const std::string& pair) {
+    impl_->Execute(("DELETE FROM " + from_where + " " + pair + " >= 0 AND (" + pair +
+                    " % 2147483647" + is_removed + " OR " + pair + " / 2147483647" + is_removed +
+                    ");")
                        .c_str());
   };
   for (const std::string table : {"matches", "two_view_geometries", "cairn_pair_metrics",
                                   "cairn_pair_choices", "cairn_focal_evidence"}) {
-    erase(table + " WHERE", "pair_id");
+    erase_pairs(table + " WHERE", "pair_id");
   }
-  erase("cairn_jobs WHERE stage <> 'cameras' AND", "item");
-  erase("cairn_timings WHERE item > 0 AND", "item");
+  for (const std::string table : {"cairn_jobs", "cairn_timings"}) {
+    erase_pairs(table + " WHERE stage IN ('matching', 'verification') AND", "item");
+    impl_->Execute(("DELETE FROM " + table +
+                    " WHERE stage IN ('features', 'depth', 'pairs') AND item" + is_removed + ";")
+                       .c_str());
+  }
   impl_->Execute("DELETE FROM removed;");
 }
 

@@ -51,17 +51,10 @@ std::map<image_t, GpsPosition> Database::ReadGpsPriors() const {
   return positions;
 }
 
-void Database::WriteGpsPrior(image_t image_id, const std::optional<GpsPosition>& position) {
-  if (!ColumnExists(*impl_, "images", "prior_tx")) return;
-  if (!position || !position->altitude_m) {
-    Run(*impl_,
-        "UPDATE images SET prior_tx = NULL, prior_ty = NULL, prior_tz = NULL "
-        "WHERE image_id = ?1;",
-        image_id);
-    return;
-  }
+void Database::WriteGpsPrior(image_t image_id, const GpsPosition& position) {
+  if (!position.altitude_m || !ColumnExists(*impl_, "images", "prior_tx")) return;
   Run(*impl_, "UPDATE images SET prior_tx = ?2, prior_ty = ?3, prior_tz = ?4 WHERE image_id = ?1;",
-      image_id, position->latitude_deg, position->longitude_deg, *position->altitude_m);
+      image_id, position.latitude_deg, position.longitude_deg, *position.altitude_m);
 }
 
 }  // namespace cairn

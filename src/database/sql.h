@@ -74,6 +74,19 @@ CREATE TABLE IF NOT EXISTS cairn_timings
    PRIMARY KEY(stage, item, label)) WITHOUT ROWID;
 )";
 
+// What was learned of a camera goes when anybody changes its row. The index serves deletions.
+inline constexpr const char* kCairnRules = R"(
+CREATE INDEX IF NOT EXISTS cairn_images_of_cameras ON images(camera_id);
+CREATE TRIGGER IF NOT EXISTS cairn_forget_learned
+AFTER UPDATE OF model, width, height, params, prior_focal_length ON cameras
+WHEN NEW.model IS NOT OLD.model OR NEW.width IS NOT OLD.width OR NEW.height IS NOT OLD.height
+  OR NEW.params IS NOT OLD.params OR NEW.prior_focal_length IS NOT OLD.prior_focal_length
+BEGIN
+  DELETE FROM cairn_camera_focals WHERE camera_id = NEW.camera_id;
+  DELETE FROM cairn_camera_lenses WHERE camera_id = NEW.camera_id;
+END;
+)";
+
 // What may be used of tables that anybody may have written (bad_rows.cc names the rest): images
 // whose names a model can hold, and pairs of two of them, the smaller id first.
 inline constexpr const char* kCreateUsableImages =

@@ -163,6 +163,16 @@ std::vector<std::string> DescribeResiduals(const Georegistration& georegistratio
   return lines;
 }
 
+std::string PlaceAlone(const std::string& georegistration_json) {
+  const Json root = Json::parse(georegistration_json, nullptr, /*allow_exceptions=*/false);
+  Json place;
+  for (const char* key : {"axes", "origin", "enu_from_world"}) {
+    if (!root.is_object() || !root.contains(key)) return "";
+    place[key] = root.at(key);
+  }
+  return place.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+}
+
 std::string GeoregistrationToJson(const Georegistration& georegistration) {
   const Sim3d& enu_from_world = georegistration.enu_from_world;
   const Eigen::Quaterniond& q = enu_from_world.rotation;

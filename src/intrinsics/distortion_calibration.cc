@@ -54,6 +54,7 @@ struct Term {
   int variable1 = -1, variable2 = -1;
   double error_px = 1.0;
   double sigma_px = 1.0;
+  bool tells_focal = true;
   std::array<double, kScan.size()> scan_costs = {};  // each match at most 1
   std::array<FundamentalFactors, kScan.size()> scan_fits;
 };
@@ -133,6 +134,7 @@ Problem::Problem(const std::map<camera_t, Camera>& cameras, const std::set<camer
     term.variable1 = Variable(pair.camera_id1);
     term.variable2 = Variable(pair.camera_id2);
     term.error_px = DefaultSigmaPx(camera1, camera2);
+    term.tells_focal = pair.tells_focal;
   }
   found_.resize(cameras_.size());
 }
@@ -201,6 +203,7 @@ std::vector<NormalEquations<2>> Problem::Evaluate(Distortions& at) {
   std::vector<NormalEquations<2>> evaluations(terms_.size());
   ParallelFor(num_threads_, std::ssize(terms_), [&](int64_t i) {
     Term& term = terms_[i];
+    if (!term.tells_focal) return;
     const double scale_px = kNoiseScale * term.sigma_px;
     SetDistortion(term, At(at.x, term.variable1), At(at.x, term.variable2));
     term.pair.Refine(scale_px, kRefineIterations, &at.F[i]);

@@ -18,6 +18,8 @@ struct DistortionPair {
   camera_t camera_id2 = kInvalidCameraId;
   Eigen::Matrix3d F;  // x2^T F x1 = 0 of rays (third component 1), by the cameras as they are
   std::vector<Eigen::Vector2d> pixels1, pixels2;
+  // A plane's or a rotation's F is one of many: it tells distortion, but no focal length.
+  bool tells_focal = true;
 };
 
 struct CalibratedDistortion {
@@ -37,7 +39,8 @@ struct CalibratedDistortion {
 struct DistortionCalibrationReport {
   std::map<camera_t, CalibratedDistortion> cameras;  // those that took part
   // The pairs by these distortions, for CalibrateFocals: what the refined fundamental matrices
-  // explain, in the pixels of the same cameras without distortion. Those of too few are left out.
+  // explain, in the pixels of the same cameras without distortion. Those of too few, and those
+  // that tell no focal length, are left out.
   std::vector<FocalPair> pairs;
 };
 

@@ -80,6 +80,11 @@ std::vector<LensPair> ReadLensPairs(const Database& database, const Lenses& lens
     std::tie(lens_pair.image_id1, lens_pair.image_id2) = PairIdToImagePair(pair);
     lens_pair.pair.camera_id1 = lenses.camera_of.at(lens_pair.image_id1);
     lens_pair.pair.camera_id2 = lenses.camera_of.at(lens_pair.image_id2);
+    // Pixels of wide lenses have no fundamental matrix.
+    if (!lenses.cameras.at(lens_pair.pair.camera_id1).IsPlanar() ||
+        !lenses.cameras.at(lens_pair.pair.camera_id2).IsPlanar()) {
+      continue;
+    }
     try {
       const auto geometry = database.ReadTwoViewGeometry(pair);
       const auto matches = database.ReadMatches(pair);
@@ -88,6 +93,8 @@ std::vector<LensPair> ReadLensPairs(const Database& database, const Lenses& lens
                                  lenses.cameras.at(lens_pair.pair.camera_id2));
       if (!F) continue;
       lens_pair.pair.F = *F;
+      lens_pair.pair.tells_focal = geometry->config == TwoViewConfig::kCalibrated ||
+                                   geometry->config == TwoViewConfig::kUncalibrated;
       const size_t step = 1 + matches->size() / kMaxMatches;
       for (size_t i = 0; i < matches->size(); i += step) lens_pair.matches.push_back((*matches)[i]);
       lens_pairs.push_back(std::move(lens_pair));

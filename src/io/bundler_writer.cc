@@ -1,3 +1,4 @@
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <functional>
@@ -13,10 +14,37 @@
 namespace cairn {
 namespace {
 
+// The two coefficients that are nearest to the distortion within the image, by least squares.
+Eigen::Vector2d NearestRadial(const Camera& camera) {
+  constexpr int kNumRadii = 50;
+  const Eigen::Vector2d focals(camera.FocalX(), camera.FocalY());
+  const double max_radius = 0.5 * camera.DiagonalPx() / camera.MeanFocal();
+  Eigen::Matrix2d A = Eigen::Matrix2d::Zero();
+  Eigen::Vector2d b = Eigen::Vector2d::Zero();
+  for (int k = 1; k <= kNumRadii; ++k) {
+    const double r = max_radius * k / kNumRadii;
+    double distorted = 0;  // mean of four directions
+    for (const int axis : {0, 1}) {
+      for (const double sign : {-1.0, 1.0}) {
+        const Eigen::Vector2d pixel = camera.ImgFromCam(sign * r * Eigen::Vector2d::Unit(axis));
+        distorted += 0.25 * sign * (pixel - camera.PrincipalPoint())[axis] / focals[axis];
+      }
+    }
+    const Eigen::Vector2d by(std::pow(r, 3), std::pow(r, 5));
+    A += by * by.transpose();
+    b += by * (distorted - r);
+  }
+  return A.ldlt().solve(b);
+}
+
 // The focal length (px), k1 and k2.
 Eigen::Vector3d IntrinsicsOf(const Camera& camera) {
   Eigen::Vector3d intrinsics(camera.MeanFocal(), 0, 0);
   if (!camera.IsPlanar()) return intrinsics;
+  if (camera.model == CameraModel::kFullOpenCV) {
+    intrinsics.tail<2>() = NearestRadial(camera);
+    return intrinsics;
+  }
   const std::vector<int> distortion = camera.DistortionIndices();
   if (!distortion.empty()) intrinsics[1] = camera.params[distortion[0]];
   if (distortion.size() >= 2) intrinsics[2] = camera.params[distortion[1]];
@@ -72,7 +100,7 @@ void WarnOfModels(const Reconstruction& reconstruction, std::vector<std::string>
                        std::to_string(reconstruction.cameras.size()) +
                        " cameras are of the model " + std::string(CameraModelName(model)) +
                        (CameraModelIsPlanar(model)
-                            ? ": only its first two radial coefficients are written"
+                            ? ": the nearest two radial coefficients are written"
                             : ", which the format does not have: their focal length is written as "
                               "that of a pinhole, which does not reproject"));
   }

@@ -118,8 +118,10 @@ struct LoopErrors {
   }
 };
 
-// Of loops whose edges have poses in both `before` and `after`, which are alike in all but poses.
-std::vector<LoopErrors> CompareLoops(const SceneData& scene, const std::vector<ViewEdge>& before,
+// Of loops whose edges have poses in both `before` and `after`, which are alike in all but poses,
+// and that close by one of them: loops with wrong pairs change by chance.
+std::vector<LoopErrors> CompareLoops(const SceneData& scene, double max_error_deg,
+                                     const std::vector<ViewEdge>& before,
                                      const std::vector<ViewEdge>& after) {
   std::map<camera_t, int> node_of;  // a node a camera: an image's edges are its camera's
   const ImageNodes images(scene.images);
@@ -151,9 +153,11 @@ std::vector<LoopErrors> CompareLoops(const SceneData& scene, const std::vector<V
         return LoopErrorDeg(edges[index[e]], edges[index[corner.edge1]],
                             edges[index[corner.edge2]]);
       };
+      const double before_deg = error_deg(before), after_deg = error_deg(after);
+      if (std::min(before_deg, after_deg) > max_error_deg) continue;
       loops.edges.insert({e, static_cast<size_t>(corner.edge1), static_cast<size_t>(corner.edge2)});
-      loops.before_deg.push_back(error_deg(before));
-      loops.after_deg.push_back(error_deg(after));
+      loops.before_deg.push_back(before_deg);
+      loops.after_deg.push_back(after_deg);
     }
   }
   return errors;
@@ -217,10 +221,10 @@ std::vector<ViewEdge> TakeFocals(const std::map<camera_t, CalibratedFocal>& foca
 // by those of the focal lengths before. Where they close worse, the cameras and their edges are
 // taken back, but for cameras whose EXIF pairs contradict: the stored poses are by EXIF.
 void TakeBackRejected(const std::map<camera_t, CalibratedFocal>& focals,
-                      const std::set<camera_t>& calibrated, const std::vector<ViewEdge>& before,
-                      Stage& stage, SceneData& scene) {
+                      const std::set<camera_t>& calibrated, double max_error_deg,
+                      const std::vector<ViewEdge>& before, Stage& stage, SceneData& scene) {
   std::set<camera_t> rejected;
-  for (const LoopErrors& loops : CompareLoops(scene, before, scene.edges)) {
+  for (const LoopErrors& loops : CompareLoops(scene, max_error_deg, before, scene.edges)) {
     std::set<camera_t> cameras;
     std::ranges::set_intersection(loops.cameras, calibrated, std::inserter(cameras, cameras.end()));
     const bool overrules_exif = std::ranges::any_of(
@@ -266,8 +270,9 @@ std::map<image_pair_t, TwoViewGeometry> ReadGeometriesOf(const std::set<camera_t
   return geometries;
 }
 
-bool CalibrateSceneFocals(const FocalCalibrationOptions& options, const RunContext& run,
-                          Stage& stage, SceneData& scene) {
+bool CalibrateSceneFocals(const ReconstructSettings& settings, const RunContext& run, Stage& stage,
+                          SceneData& scene) {
+  const FocalCalibrationOptions& options = settings.focal_calibration;
   const std::vector<FocalPair> pairs = CollectPairs(scene, options.max_pairs, run.num_threads);
   std::set<camera_t> trusted = scene.constant_cameras;
   for (const auto& [id, sigma] : scene.held_focals) trusted.insert(id);
@@ -289,7 +294,8 @@ bool CalibrateSceneFocals(const FocalCalibrationOptions& options, const RunConte
   if (calibrated.empty()) return is_sharing_disputed;
   const std::vector<ViewEdge> before =
       TakeFocals(report.cameras, ReadGeometriesOf(calibrated, scene), calibrated, run, scene);
-  TakeBackRejected(report.cameras, calibrated, before, stage, scene);
+  TakeBackRejected(report.cameras, calibrated, settings.view_graph.max_triplet_error_deg, before,
+                   stage, scene);
   return is_sharing_disputed;
 }
 

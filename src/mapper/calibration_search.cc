@@ -17,7 +17,10 @@ struct CalibratedResult {
 
   // Many cameras must explain more than one camera for all by kModelErrors, which differ from
   // photograph to photograph, and so must focal lengths far from EXIF's.
-  double Score() const { return result.evidence_nats * (shares_camera ? 1 : 1 - kModelErrors); }
+  double Score() const {
+    return result.evidence_nats -
+           (shares_camera ? 0 : kModelErrors * std::max(0.0, result.evidence_nats));
+  }
 };
 
 CalibratedResult ReconstructCalibrated(const SceneData& scene,
@@ -128,12 +131,12 @@ class CalibrationSearch {
 };
 
 // Calibrates the scene by its pairs. Returns whether these dispute the cameras that images share.
-bool Calibrate(const FocalCalibrationOptions& options, const RunContext& run, RunReport& report,
+bool Calibrate(const ReconstructSettings& settings, const RunContext& run, RunReport& report,
                SceneData& scene) {
   if (scene.poses_alone) return false;
-  if (options.enabled && scene.constant_cameras.size() < scene.cameras.size()) {
+  if (settings.focal_calibration.enabled && scene.constant_cameras.size() < scene.cameras.size()) {
     RunStage stage(report, run.monitor, "focal_calibration");
-    return CalibrateSceneFocals(options, run, stage, scene);
+    return CalibrateSceneFocals(settings, run, stage, scene);
   }
   ImproveRelativePoses(scene.foreign, run, scene);
   return false;
@@ -163,7 +166,7 @@ PartResult SearchCalibration(const std::vector<std::set<image_t>>& of_one,
   if (std::ranges::any_of(scene.cameras, refines_exif)) stored = scene;
   CalibrationSearch search(settings, run, scene);
   const auto calibrate_and_try = [&] {
-    const bool is_disputed = Calibrate(settings.focal_calibration, run, report, scene);
+    const bool is_disputed = Calibrate(settings, run, report, scene);
     search.Try();
     return is_disputed;
   };
@@ -182,7 +185,7 @@ PartResult SearchCalibration(const std::vector<std::set<image_t>>& of_one,
     // (An observation of bundle adjustment has two coordinates, a match one.)
     HoldExif(search.best().left_exif, settings.focal_calibration.exif_sigma,
              2 * kModelErrors * search.best().result.evidence_nats, scene);
-    Calibrate(settings.focal_calibration, run, report, scene);
+    Calibrate(settings, run, report, scene);
     search.Try(1 - kModelErrors);
   }
   return search.Finish();
@@ -205,8 +208,9 @@ PartResult ReconstructBest(std::span<const Reconstruction> earlier,
       return !AgreeWithOneCamera(earlier, images, scene);
     });
     Share(of_one, run, scene);
-    Calibrate(settings.focal_calibration, run, before, scene);
-    const std::vector<Reconstruction> adopted = AdoptModels(earlier, scene, run, before);
+    Calibrate(settings, run, before, scene);
+    const std::vector<Reconstruction> adopted =
+        AdoptModels(earlier, scene, settings.reconstruct, run, before);
     if (before.Succeeded()) {
       result = ReconstructCalibrated(scene, adopted, settings, run).result;
     } else {

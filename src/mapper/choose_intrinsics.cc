@@ -15,9 +15,9 @@ namespace {
 // In fewer photographs, a principal point is hardly told from their rotations, and moves with
 // chance.
 constexpr int kMinImages = 8;
-// What a gain must exceed, as a normal deviate: a chance of 5 %, since lenses of one parameter and
-// principal points in the very center are rare. Photographs in a row may throw both off, which
-// Student's t allows for.
+// What a gain must exceed, in standard errors, as a normal deviate: little, since lenses of one
+// parameter and principal points in the very center are rare. Photographs in a row may throw both
+// off, which Student's t allows for.
 constexpr double kMinDeviate = 1.645;
 // Beyond doubt: for lenses of photographs with EXIF, which have COLMAP's model else, for image
 // centers that an earlier model has kept, and for a warning.

@@ -149,6 +149,19 @@ void GiveUp(StageContext& context, const ComponentQueue::Component& component, S
   }
 }
 
+// Of pairs whose images no model has together.
+void TakeOutOthers(std::span<const Reconstruction> models, ViewGraph& graph) {
+  if (models.empty()) return;
+  for (ViewEdge& edge : graph.edges) {
+    const auto has_both = [&](const Reconstruction& model) {
+      return model.images.count(edge.image_id1) > 0 && model.images.count(edge.image_id2) > 0;
+    };
+    if (edge.IsActive() && std::ranges::none_of(models, has_both)) {
+      edge.removal = EdgeRemoval::kOtherComponent;
+    }
+  }
+}
+
 }  // namespace
 
 SceneModels BuildModels(StageContext& context, const std::vector<std::vector<image_t>>& components,
@@ -200,6 +213,7 @@ SceneModels BuildModels(StageContext& context, const std::vector<std::vector<ima
       }
     }
   }
+  TakeOutOthers(result.models, graph);
   if (result.models.empty() && context.report.Succeeded() && !failures.empty()) {
     context.report.failure = failures.front();
   } else {

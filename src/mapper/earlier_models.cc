@@ -39,6 +39,21 @@ bool HasOtherKeypoints(const RegisteredImage& image, const std::vector<Eigen::Ve
   return false;
 }
 
+// Images of the models with other keypoints than in the scene.
+std::set<image_t> FindOtherKeypoints(std::span<const Reconstruction> models,
+                                     const std::map<std::string, image_t>& ids,
+                                     const SceneData& scene) {
+  std::set<image_t> changed;
+  for (const Reconstruction& model : models) {
+    for (const auto& [model_id, image] : model.images) {
+      const auto id = ids.find(image.image.name);
+      if (id == ids.end() || scene.pixels.count(id->second) == 0) continue;
+      if (HasOtherKeypoints(image, scene.pixels.at(id->second))) changed.insert(id->second);
+    }
+  }
+  return changed;
+}
+
 // The images of a model that the scene has and no model before, under their ids in the scene.
 std::map<image_t, const RegisteredImage*> FindImages(const Reconstruction& model,
                                                      const std::map<std::string, image_t>& ids,
@@ -145,7 +160,8 @@ class CameraAdopter {
 }  // namespace
 
 std::vector<Reconstruction> AdoptModels(std::span<const Reconstruction> models, SceneData& scene,
-                                        const RunContext& run, RunReport& report) {
+                                        const ReconstructOptions& options, const RunContext& run,
+                                        RunReport& report) {
   RunStage stage(report, run.monitor, "input");
   std::vector<const Reconstruction*> by_size;
   for (const Reconstruction& model : models) by_size.push_back(&model);
@@ -156,13 +172,17 @@ std::vector<Reconstruction> AdoptModels(std::span<const Reconstruction> models, 
   for (const auto& [id, image] : scene.images) ids[image.name] = id;
   LeftOut left_out;
   std::set<image_t> taken;
-  int num_other_keypoints = 0;
+  const std::set<image_t> changed = FindOtherKeypoints(models, ids, scene);
+  // Of few, the photographs were replaced; of most, features were found anew.
+  const bool places_changed = options.register_left_out && 2 * changed.size() < scene.pixels.size();
   CameraAdopter adopter(scene);
   std::vector<Reconstruction> adopted;
   for (const Reconstruction* model : by_size) {
-    const auto images = FindImages(*model, ids, scene, taken, left_out);
-    for (const auto& [id, image] : images) {
-      num_other_keypoints += HasOtherKeypoints(*image, scene.pixels.at(id));
+    auto images = FindImages(*model, ids, scene, taken, left_out);
+    if (places_changed) {
+      std::erase_if(images, [&](const auto& entry) {
+        return changed.count(entry.first) > 0 && taken.erase(entry.first) > 0;
+      });
     }
     if (images.size() >= 2) {
       adopted.push_back(adopter.Adopt(*model, images));
@@ -179,13 +199,14 @@ std::vector<Reconstruction> AdoptModels(std::span<const Reconstruction> models, 
                                           reason + ": " + FirstNames(names),
                                       ""});
   }
-  if (num_other_keypoints > 0) {
-    stage.Note("keypoints of " + std::to_string(num_other_keypoints) +
-               " images changed since the model was made; its points are made anew");
+  if (!changed.empty()) {
+    stage.Note("keypoints of " + std::to_string(changed.size()) +
+               " images changed since the model was made; " +
+               (places_changed ? "their poses" : "its points") + " are found anew");
   }
   stage.Add("models", adopted.size());
   stage.Add("images", taken.size());
-  stage.Add("images_other_keypoints", num_other_keypoints);
+  stage.Add("images_other_keypoints", changed.size());
   stage.Add("images_to_register", scene.pixels.size() - taken.size());
   if (adopted.empty()) {
     stage.Fail("fewer than two images of the input model can be used",

@@ -210,16 +210,23 @@ void WarnOfUnfinishedPairs(const Database& database, const SceneData& scene, Sta
 void ChooseConstantCameras(const IntrinsicsMap& intrinsics,
                            const std::optional<bool>& refine_intrinsics, Stage& stage,
                            SceneData& scene) {
-  int num_guessed = 0;
+  int num_guessed = 0, num_contradicted = 0;
+  std::string first, share;
   for (const auto& [id, known] : intrinsics) {
     if (refine_intrinsics ? *refine_intrinsics : !known.IsConstant()) continue;
     scene.constant_cameras.insert(id);
     num_guessed += !known.HasPriorFocal() && !known.IsConstant();
-    if (!known.IsRejected()) continue;
-    stage.Warn("the intrinsics of camera " + std::to_string(id) + " are constant, but " +
-               std::to_string(known.judgement->num_contradicting) + " of " +
-               std::to_string(known.judgement->num_pairs) +
-               " pairs contradict its focal length: try --refine_intrinsics 1");
+    if (!known.IsRejected() || num_contradicted++ > 0) continue;
+    first = std::to_string(id);
+    share = std::to_string(known.judgement->num_contradicting) + " of " +
+            std::to_string(known.judgement->num_pairs);
+  }
+  if (num_contradicted > 0) {
+    const std::string more =
+        num_contradicted > 1 ? " (and of " + std::to_string(num_contradicted - 1) + " more)" : "";
+    stage.Warn(ResultWarning{"the intrinsics of camera " + first + more + " are constant, but " +
+                                 share + " pairs contradict its focal length",
+                             "try --refine_intrinsics 1"});
   }
   if (num_guessed == 0) return;
   stage.Warn(ResultWarning{"the focal lengths of " + std::to_string(num_guessed) +

@@ -68,7 +68,7 @@ void ReconstructOptions::VisitFields(OptionVisitor& v) {
          "twenty times: RADIAL, or RADIAL_FISHEYE for a lens that bends much");
   v.Choice("refine_principal_points", refine_principal_points, kPrincipalPointRefinements,
            "cameras whose principal points, guessed at the image centers, are adjusted where the "
-           "matches agree better with that by more than chance gives once in twenty times (within "
+           "matches agree better with that by more than 1.6 standard errors (within "
            "some focal_calibration.principal_point_sigma), of cameras with eight photographs and "
            "more; unknown: without a focal length in EXIF");
   v.Bool("colors", colors, "color the points from the photographs");

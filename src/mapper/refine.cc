@@ -92,14 +92,14 @@ void Adjust(StageContext& context, const Round& round, Reconstruction& model) {
   }
 }
 
-// Takes images with too few points out; their points go with them if fewer than two views remain.
-int RemoveWeakImages(const StageContext& context, Stage& stage, Reconstruction& model) {
+// Takes images with fewer points out; their points go with them if fewer than two views remain.
+int RemoveWeakImages(int min_points, Stage& stage, Reconstruction& model) {
   std::vector<image_t> weak;
   for (const auto& [id, image] : model.images) {
     const auto num_points =
         std::count_if(image.point3D_ids.begin(), image.point3D_ids.end(),
                       [](point3D_t point) { return point != kInvalidPoint3DId; });
-    if (num_points < context.settings.reconstruct.min_image_points) weak.push_back(id);
+    if (num_points < min_points) weak.push_back(id);
   }
   for (const image_t id : weak) {
     stage.Record(model.images.at(id).image.name + ": removed: it sees too few points");
@@ -131,7 +131,11 @@ void FilterRound(StageContext& context, const Round& round, Reconstruction& mode
   const FilterReport report = FilterPoints(model, OptionsOf(context, round), context.run);
   stage.Add("observations_removed", report.num_observations_removed);
   stage.Add("points_removed", report.num_points_removed);
-  stage.Add("images_removed", RemoveWeakImages(context, stage, model));
+  int min_points = context.settings.reconstruct.min_image_points;
+  // A start has the longest tracks alone.
+  if (round.error_factor > 1)
+    min_points = std::min(min_points, ReconstructOptions().min_image_points);
+  stage.Add("images_removed", RemoveWeakImages(min_points, stage, model));
   stage.Add("points_out", model.points3D.size());
   stage.Add("observations_out", model.NumObservations());
 }

@@ -87,7 +87,7 @@ bool LeadsTo(const StageContext& context, const Reconstruction& finished,
     const double shift = ShiftPx(finished, rough_from_finished, rough, rough.images.at(ids[i]));
     if (!(shift <= context.settings.triangulation.max_error_px)) ++num_apart;
   });
-  return num_apart == 0;
+  return !ids.empty() && num_apart == 0;
 }
 
 }  // namespace cairn

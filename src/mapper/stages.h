@@ -103,8 +103,8 @@ PartResult ReconstructBest(std::span<const Reconstruction> earlier,
 // became of each camera.
 // Improves the poses of the scene's `foreign` edges, and of all whose focal lengths changed.
 // Returns whether the pairs tell that a camera which images share is more than one.
-bool CalibrateSceneFocals(const FocalCalibrationOptions& options, const RunContext& run,
-                          Stage& stage, SceneData& scene);
+bool CalibrateSceneFocals(const ReconstructSettings& settings, const RunContext& run, Stage& stage,
+                          SceneData& scene);
 // The geometries of the edges of these cameras.
 std::map<image_pair_t, TwoViewGeometry> ReadGeometriesOf(const std::set<camera_t>& cameras,
                                                          const SceneData& scene);
@@ -371,7 +371,7 @@ bool AreInPlace(const StageContext& context, const BuiltModel& built,
 
 // choose_intrinsics.cc
 // Gives cameras whose distortion has one parameter a second one, where the matches agree better
-// with it by more than chance gives once in twenty times. Returns whether they do.
+// with it by more than 1.6 standard errors. Returns whether they do.
 bool ChooseLensModels(StageContext& context, BuiltModel& best);
 // Frees the principal points of cameras that may be freed, from here on, where the matches agree
 // better with what bundle adjustment then finds, by as much, or, in an earlier model, which has
@@ -427,8 +427,10 @@ std::string ReasonToRefuse(const Reconstruction& model);
 // Models to go on from, the largest first: the poses and cameras of `models`, by the names of the
 // images, without points. Images of the scene get the cameras that they share in the models. Says
 // in the report what of the models is left out; it has the failure where nothing is left.
+// Images whose photographs were replaced since are left to be registered, if others are at all.
 std::vector<Reconstruction> AdoptModels(std::span<const Reconstruction> models, SceneData& scene,
-                                        const RunContext& run, RunReport& report);
+                                        const ReconstructOptions& options, const RunContext& run,
+                                        RunReport& report);
 
 // movement.cc
 // Puts a model that goes on from an earlier one where that was. Warns of images that moved by more

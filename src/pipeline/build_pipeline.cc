@@ -123,15 +123,27 @@ std::optional<std::vector<image_pair_t>> ListedPairs(const Database& database,
   return ReadPairList(inputs.pairs_path, database.ReadImages(), monitor);
 }
 
+// What earlier runs had beside the photographs.
+struct EarlierSources {
+  bool has_masks = false;
+  bool has_depth = false;
+  bool has_list = false;  // of pairs
+};
+
+EarlierSources FindEarlierSources(const Database& database) {
+  return {HasMasks(database), database.ReadStage(kStageDepth).has_value(),
+          database.ReadStage(kStageMatching) && !database.ReadStage(kStagePairs)};
+}
+
 // A list of pairs is not stored, as other options are: it may grow, and so may its file move.
-void NoteOtherPairs(const Database& database, bool has_list, ProgressMonitor& monitor) {
-  const bool were_chosen = database.ReadStage(kStagePairs).has_value();
-  if (has_list && were_chosen) {
+void NoteOtherPairs(const Database& database, const EarlierSources& earlier, bool has_list,
+                    ProgressMonitor& monitor) {
+  if (has_list && database.ReadStage(kStagePairs)) {
     monitor.Warning(
         "pairs that earlier runs chose stay beside those of the list; --recompute "
         "pairs removes them");
   }
-  if (!has_list && !were_chosen && database.ReadStage(kStageMatching)) {
+  if (!has_list && earlier.has_list) {
     monitor.Warning(
         "earlier runs took the pairs of a list; this one has none, and chooses pairs "
         "by --pairs. Give --pairs_path again to add no others");
@@ -142,16 +154,6 @@ void NoteUnusedPositions(const BuildInputs& inputs, bool has_list, ProgressMonit
   const bool may_use = inputs.pairs == "auto" || inputs.pairs.find("spatial") != std::string::npos;
   if (inputs.gps_path.empty() || (may_use && !has_list)) return;
   monitor.Warning("--gps_path is not used: it serves --pairs spatial and auto alone");
-}
-
-// What earlier runs had beside the photographs.
-struct EarlierSources {
-  bool has_masks = false;
-  bool has_depth = false;
-};
-
-EarlierSources FindEarlierSources(const Database& database) {
-  return {HasMasks(database), database.ReadStage(kStageDepth).has_value()};
 }
 
 // Folders are not stored, as options are: they may move. Those that are left out may be forgotten.
@@ -186,7 +188,7 @@ class BuildRun {
     const BuildStage last = in.stop_after;
     const EarlierSources earlier = FindEarlierSources(database_);
     Database::Transaction transaction(database_);
-    PrepareRecompute(database_, in.recompute, sources.image_path);
+    PrepareRecompute(database_, in.recompute, sources.image_path, DepthOf(in));
     CheckAllOptions(database_, options_, run_.seed);
     if (sources.dataset && !sources.dataset->has_photographs) {
       transaction.Commit();
@@ -202,7 +204,8 @@ class BuildRun {
                                    in.gps_path};
     const auto listed = ListedPairs(database_, in, sources, run_.monitor);
     NoteUnusedPositions(in, listed.has_value(), run_.monitor);
-    if (last >= BuildStage::kMatching) NoteOtherPairs(database_, listed.has_value(), run_.monitor);
+    if (last >= BuildStage::kMatching)
+      NoteOtherPairs(database_, earlier, listed.has_value(), run_.monitor);
     if (!listed && last >= BuildStage::kPairs) CheckPairWays(database_, choosing, run_);
     CheckMasks(database_, in.mask_path);
     if (last >= BuildStage::kDepth) CheckDepthMaps(database_, in.depth_path);

@@ -50,6 +50,7 @@ std::string ToJson(const RunReport& report) {
   json["num_threads"] = report.num_threads;
   json["succeeded"] = report.Succeeded();
   if (!report.Succeeded()) json["failure"] = report.failure;
+  json["warnings"] = Json::array();
   for (const ResultWarning& warning : report.warnings) {
     json["warnings"].push_back({{"level", warning.is_wrong ? "wrong" : "doubtful"},
                                 {"what", warning.what},

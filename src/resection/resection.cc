@@ -186,7 +186,8 @@ void RefineOnInliers(const PixelsOfPoints& points, bool estimate_focal,
 }  // namespace
 
 void ResectionOptions::VisitFields(OptionVisitor& v) {
-  v.Double("max_error_px", max_error_px, {1e-6, 1e6}, "largest error of an inlier, pixels");
+  v.Double("max_error_px", max_error_px, {1e-6, 1e6},
+           "largest error of an inlier, pixels; in proportion for photographs larger than 3200 px");
   v.Int("min_num_inliers", min_num_inliers, {4, 1000000}, "inliers that a pose needs");
   v.Double("min_inlier_ratio", min_inlier_ratio, {0, 1},
            "share of the correspondences that must be inliers");
@@ -208,10 +209,12 @@ ResectionReport EstimateAbsolutePose(const Camera& camera, const PixelsOfPoints&
     report.status = ResectionStatus::kTooFewPoints;
     return report;
   }
+  ResectionOptions scaled = options;
+  scaled.max_error_px *= camera.ErrorScale();
   const std::vector<double> factors = FocalFactors(estimate_focal, options.num_focal_guesses);
-  report = SearchPose(camera, points, factors, options, rng);
+  report = SearchPose(camera, points, factors, scaled, rng);
   if (report.status != ResectionStatus::kSuccess) return report;
-  RefineOnInliers(points, estimate_focal, options, report);
+  RefineOnInliers(points, estimate_focal, scaled, report);
   const auto num_inliers = static_cast<double>(report.inliers.size());
   if (num_inliers < options.min_num_inliers ||
       num_inliers < options.min_inlier_ratio * static_cast<double>(pixels.size())) {

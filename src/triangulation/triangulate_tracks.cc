@@ -73,6 +73,7 @@ std::unordered_map<image_t, PreparedImage> PrepareImages(std::span<const Track> 
     p.pose.cam_from_world_rotation = image.cam_from_world.RotationMatrix();
     p.pose.cam_from_world_translation = image.cam_from_world.translation;
     p.pose.focal_px = reconstruction.CameraOf(image).MeanFocal();
+    p.pose.error_scale = reconstruction.CameraOf(image).ErrorScale();
     p.rays.assign(image.points2D.size(), Eigen::Vector2d::Constant(std::nan("")));
   }
   // Zero marks the keypoints that are needed.
@@ -142,11 +143,11 @@ Verdict Judge(const Point3D& point, const ViewTable& views,
   for (const TrackElement& element : point.track) {
     const ViewTable::View& view = views.Of(element.image_id);
     const double error_px = view.ErrorPx(point.xyz, element.point2D);
-    const double max_error_px =
-        view.image->sigmas_px.empty()
-            ? options.max_error_px
-            : std::min(options.max_error_px,
-                       options.max_error_sigmas * view.image->sigmas_px[element.point2D]);
+    double max_error_px = options.max_error_px * view.camera->ErrorScale();
+    if (!view.image->sigmas_px.empty()) {
+      max_error_px =
+          std::min(max_error_px, options.max_error_sigmas * view.image->sigmas_px[element.point2D]);
+    }
     if (error_px <= max_error_px) {
       good_centers.push_back(centers[view.index]);
     } else {

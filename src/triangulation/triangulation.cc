@@ -36,9 +36,9 @@ double Precision(const TriangulationView& view) {
 }
 
 double MaxErrorPx(const TriangulationView& view, const TriangulationOptions& options) {
-  return view.sigma_px > 0
-             ? std::min(options.max_error_px, options.max_error_sigmas * view.sigma_px)
-             : options.max_error_px;
+  const double max_error_px = options.max_error_px * view.error_scale;
+  return view.sigma_px > 0 ? std::min(max_error_px, options.max_error_sigmas * view.sigma_px)
+                           : max_error_px;
 }
 
 // Below this share of the largest curvature a direction is not determined.
@@ -153,7 +153,8 @@ bool SearchPairs(Views views, const TriangulationOptions& options, Eigen::Vector
 }  // namespace
 
 void TriangulationOptions::VisitFields(OptionVisitor& v) {
-  v.Double("max_error_px", max_error_px, {0, 1e6}, "largest reprojection error, pixels");
+  v.Double("max_error_px", max_error_px, {0, 1e6},
+           "largest reprojection error, pixels; in proportion for photographs larger than 3200 px");
   v.Double("max_error_sigmas", max_error_sigmas, {0, 1e6},
            "and in standard deviations of the observation, once they are known");
   v.Double("min_angle_deg", min_angle_deg, {0, 180},

@@ -28,6 +28,22 @@ bool IsWide(const PairInput& input) {
   return !input.camera1->IsPlanar() || !input.camera2->IsPlanar();
 }
 
+// Whether a quarter of the matches and more are off by one shift: so are marks that repeat, but not
+// the points of a scene.
+bool HaveOneShift(const PairInput& input, std::span<const FeatureMatch> matches,
+                  double max_error_px) {
+  constexpr ptrdiff_t kMaxTried = 200;
+  const ptrdiff_t step = 1 + std::ssize(matches) / kMaxTried;
+  for (ptrdiff_t i = 0; i < std::ssize(matches); i += step) {
+    const Eigen::Vector2d shift = ShiftOf(input, matches[i]);
+    const auto num_equal = std::ranges::count_if(matches, [&](const FeatureMatch& match) {
+      return (ShiftOf(input, match) - shift).norm() < max_error_px;
+    });
+    if (4 * num_equal >= std::ssize(matches)) return true;
+  }
+  return false;
+}
+
 // E is of a guess.
 PairReport WithoutEssential(PairReport report) {
   report.geometry.config = TwoViewConfig::kUncalibrated;
@@ -47,22 +63,21 @@ PairReport FocalVerifier::LookUnderOverlay(const PairInput& input, PairReport re
   const double max_error_px = pair_.max_error_px;
   const auto shift = OverlayShift(input, report.geometry.inlier_matches, max_error_px);
   if (!shift) return report;
-  FeatureMatches overlay, others;
+  FeatureMatches others;
   for (const FeatureMatch& match : input.matches) {
     const bool is_still = (ShiftOf(input, match) - *shift).norm() < kOutside * max_error_px;
-    (is_still ? overlay : others).push_back(match);
+    if (!is_still) others.push_back(match);
   }
   PairInput part = input;
   part.matches = others;
   PairReport under = VerifyMatches(part);
-  const auto E = EssentialOf(under.geometry, *input.camera1, *input.camera2);
-  if (under.status != PairStatus::kVerified || !E) return report;
-  // What explains the overlay, too, may be more of it.
-  part.matches = overlay;
-  PreparePair(part, options_, MatchOrder::kGiven, &pair_);
-  MatchErrors errors;
-  errors.SetSampson(pair_.points, *E);
-  return 2 * errors.CountBelow(max_error_px) > pair_.size() ? report : under;
+  if (under.status != PairStatus::kVerified ||
+      !EssentialOf(under.geometry, *input.camera1, *input.camera2)) {
+    return report;
+  }
+  // (What lies under is checked by itself alone: at equal rotations, its E explains the overlay.
+  // Marks are equal pixels, and found more exactly than points of a scene.)
+  return HaveOneShift(input, under.geometry.inlier_matches, 0.5 * max_error_px) ? report : under;
 }
 
 PairReport FocalVerifier::VerifyMatches(const PairInput& input) {
@@ -114,9 +129,10 @@ PairReport FocalVerifier::Judge(PairReport report) const {
     // What E explains is no more than chance for F, but E is of a guess all the same.
     return !is_trusted && HasPose(report) ? WithoutEssential(std::move(report)) : report;
   }
-  if (report.geometry.config == TwoViewConfig::kPlanar &&
-      !HasParallax(*model, *report.geometry.H)) {
-    return report;
+  if (report.geometry.config == TwoViewConfig::kPlanar) {
+    const Eigen::Matrix3d H = pair_.input.camera2->CalibrationMatrix().inverse() *
+                              *report.geometry.H * pair_.input.camera1->CalibrationMatrix();
+    if (!HasParallax(pair_, H, model->inliers, options_.min_log10_evidence)) return report;
   }
   const bool is_ambiguous = report.geometry.config == TwoViewConfig::kMultiple;
   const auto num_inliers = static_cast<double>(model->inliers.size());
@@ -161,23 +177,6 @@ std::optional<FundamentalModel> FocalVerifier::Find(const PairReport& report) co
     return std::nullopt;
   }
   return model;
-}
-
-bool FocalVerifier::HasParallax(const FundamentalModel& model,
-                                const Eigen::Matrix3d& pixels_H) const {
-  const Eigen::Matrix3d H = pair_.input.camera2->CalibrationMatrix().inverse() * pixels_H *
-                            pair_.input.camera1->CalibrationMatrix();
-  constexpr ModelKind kEpipole = {2, 1};
-  MatchErrors errors;
-  errors.SetHomography(pair_.points, H);
-  auto is_off_plane = [&](float error) { return error > kOutside * pair_.max_error_px; };
-  const auto num_off_plane =
-      std::count_if(errors.values().begin(), errors.values().end(), is_off_plane);
-  const auto num_explained = std::count_if(model.inliers.begin(), model.inliers.end(),
-                                           [&](int32_t i) { return is_off_plane(errors[i]); });
-  const double chance = pair_.chance_per_px * pair_.max_error_px;
-  return Log10NumFalseAlarms(static_cast<int>(num_off_plane), static_cast<int>(num_explained),
-                             kEpipole, chance) < -options_.min_log10_evidence;
 }
 
 void FocalVerifier::Fill(const FundamentalModel& model, PairReport* report) const {

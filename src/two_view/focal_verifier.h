@@ -31,7 +31,6 @@ class FocalVerifier : public PairVerifier {
   std::optional<FundamentalModel> Find(const PairReport& report) const;
   std::optional<FundamentalModel> FindFromNothing() const;
   // Does F explain matches off the plane of this homography (pixels), more than by chance?
-  bool HasParallax(const FundamentalModel& model, const Eigen::Matrix3d& H) const;
   void Fill(const FundamentalModel& model, PairReport* report) const;
 
   const SearchSteps steps_;

@@ -126,7 +126,8 @@ def test_reconstruct_writes_what_the_program_writes(tmp_path):
 def test_warnings_are_texts(tmp_path):
     path, gps = tmp_path / "scene.db", tmp_path / "gps.txt"
     TRUTH.write(path)
-    assert cairn.build_view_graph(path).warnings == []
+    report = cairn.build_view_graph(path)
+    assert report.warnings == [] and report.to_dict()["warnings"] == []
     gps.write_text("photo01.jpg 47 8 500\n")
     result = cairn.reconstruct(path, options={"use_gps": True, "gps_path": str(gps)})
     assert result.succeeded and len(result.warnings) == 1 and "not in meters" in result.warnings[0]

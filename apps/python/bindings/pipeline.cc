@@ -47,11 +47,9 @@ std::string EffectiveToml(const std::string& function, const ReconstructInputs& 
   return text;
 }
 
-std::vector<std::string> WarningTexts(const RunReport& report) {
-  std::vector<std::string> texts;
-  for (const ResultWarning& warning : report.warnings) {
-    texts.push_back(warning.what + (warning.advice.empty() ? "" : " - " + warning.advice));
-  }
+py::list WarningTexts(const RunReport& report) {
+  py::list texts;
+  for (const ResultWarning& warning : report.warnings) texts.append(ToText(WarningText(warning)));
   return texts;
 }
 
@@ -117,7 +115,7 @@ template <class Result>
 void BindRun(py::class_<Result>& c, RunReport Result::*run) {
   c.def_property_readonly("succeeded", [run](const Result& r) { return (r.*run).Succeeded(); })
       .def_property_readonly(
-          "failure", [run](const Result& r) { return (r.*run).failure; },
+          "failure", [run](const Result& r) { return ToText((r.*run).failure); },
           "'', or at which stage it failed and what can be tried.")
       .def_property_readonly(
           "warnings", [run](const Result& r) { return WarningTexts(r.*run); },
@@ -140,7 +138,7 @@ void BindBuilding(py::module_& m) {
       .def_property_readonly("num_verified", number(&Summary::num_verified))
       .def_property_readonly("verified_by", number(&Summary::verified_by), "Pairs by verifier.")
       .def_property_readonly("rejected_by", number(&Summary::rejected_by), "Pairs by reason.")
-      .def("__str__", [](const Report& r) { return SummaryText(r.summary, r.run); });
+      .def("__str__", [](const Report& r) { return ToText(SummaryText(r.summary, r.run)); });
   m.def("build_view_graph", &BuildGraph, py::arg("database_path"),
         py::arg("image_path") = py::none(), py::arg("depth_path") = py::none(), py::kw_only(),
         py::arg("options") = py::none(), py::arg("seed") = py::none(), py::arg("num_threads") = 0,

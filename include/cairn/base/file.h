@@ -32,13 +32,13 @@ std::string ReadFile(const std::string& path,
                      size_t max_bytes = std::numeric_limits<size_t>::max());
 
 // A file that appears under its name complete, or not at all: everything goes to a temporary file
-// in the same folder, `path`.cairn-tmp, which Commit() renames. An interrupted program, a full disk
-// or an exception leave the file that was there before untouched. What a killed process leaves, the
-// next one that writes the file takes; writers of the same file wait for each other. Where `path`
-// is a link to a file, that file is written; a pipe or a device gets the bytes as they come.
-// A SQLite database is never replaced. Every method throws IoError with the path of the final file
-// and the system's reason (read-only folder, no space, ...). Not synced to the disk: a power
-// failure is not covered.
+// in the same folder, `path`.cairn-tmp (or a short name), which Commit() renames. An interrupted
+// program, a full disk or an exception leave the file that was there before untouched. What a
+// killed process leaves, the next one that writes the file takes; writers of the same file wait for
+// each other. Where `path` is a link to a file, that file is written; a pipe or a device gets the
+// bytes as they come. A SQLite database is never replaced. Every method throws IoError with the
+// path of the final file and the system's reason (read-only folder, no space, ...). Not synced to
+// the disk: a power failure is not covered.
 class AtomicFile {
  public:
   explicit AtomicFile(const std::string& path);
@@ -70,7 +70,7 @@ std::string LowerCaseExtension(const std::string& path);
 // A relative path without a part "..".
 bool StaysInFolder(const std::string& name);
 
-// The file that links lead to, absolute; the path as it is where there is none.
+// The file that links lead to, also where it is not there yet; absolute where it is.
 std::string BehindLinks(const std::string& path);
 
 // Is it the folder, or in it, whatever links lead there? Neither needs to exist.

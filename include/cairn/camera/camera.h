@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <cmath>
 #include <optional>
 #include <span>
@@ -79,6 +80,9 @@ struct Camera {
   // Scales all focal lengths so that their mean is focal_px. Does nothing without focal lengths.
   void SetMeanFocal(double focal_px);
   double DiagonalPx() const;
+  // How much farther off keypoints are, in pixels, than those of smaller photographs: COLMAP and we
+  // find features in images of at most 3200 px.
+  double ErrorScale() const { return std::max(1.0, std::max(width, height) / 3200.0); }
 
   // Indices into params: focal lengths, principal point, distortion.
   std::vector<int> FocalIndices() const;

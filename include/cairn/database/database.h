@@ -63,7 +63,7 @@ class Database {
   std::map<image_t, GpsPosition> ReadGpsPriors() const;
   // For COLMAP's spatial matcher and model aligner: in the schema of COLMAP up to 3.9, which new
   // databases have. Without an altitude COLMAP has no position.
-  void WriteGpsPrior(image_t image_id, const std::optional<GpsPosition>& position);
+  void WriteGpsPrior(image_t image_id, const GpsPosition& position);
   // Removes the image with its features, and its camera if neither another image nor a rig with
   // images has it.
   void DeleteImage(image_t image_id);

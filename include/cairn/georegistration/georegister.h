@@ -124,5 +124,8 @@ std::vector<std::string> DescribeResiduals(const Georegistration& georegistratio
 
 // As JSON: frame, similarity, and each image's and control point's position and residual.
 std::string GeoregistrationToJson(const Georegistration& georegistration);
+// Of such JSON, where on Earth the model's frame is, without residuals: for a model that goes on
+// from this one; "" if it is not such JSON.
+std::string PlaceAlone(const std::string& georegistration_json);
 
 }  // namespace cairn

@@ -20,10 +20,11 @@ bool IsColmapModel(const std::string& folder);
 
 // Writes the three files (in the order of the ids), creating the folder; COLMAP 3.8 reads them, and
 // 4.x. Numbers in text files are the shortest that read back exactly, so write, read, write gives
-// equal bytes in both formats. The files replace an older model of the same format (also the rigs
-// and frames that COLMAP 4.x keeps beside them) only when all three are complete. Text files of an
-// older model stay beside binary ones, which programs read first; text is not written beside binary
-// files. Throws IoError, also where names are not unique or keypoints are not finite.
+// equal bytes in both formats (but for blanks around names, which text cannot hold). The files
+// replace an older model of the same format (also the rigs and frames that COLMAP 4.x keeps beside
+// them) only when all three are complete. Text files of an older model stay beside binary ones,
+// which programs read first; text is not written beside binary files. Throws IoError, also where
+// names are not unique or keypoints are not finite.
 void WriteColmapModel(const Reconstruction& reconstruction, const std::string& folder,
                       ColmapModelFormat format = ColmapModelFormat::kBinary);
 

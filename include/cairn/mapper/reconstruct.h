@@ -48,7 +48,7 @@ struct ReconstructOptions {
   bool register_left_out = true;
   bool share_camera = true;
   bool separate_duplicates = true;
-  // Both where the matches agree better, by more than chance gives once in twenty times; lenses of
+  // Both where the matches agree better, by more than 1.6 standard errors; lenses of
   // cameras with EXIF by three standard errors.
   bool choose_lens_models = true;
   PrincipalPointRefinement refine_principal_points = PrincipalPointRefinement::kUnknown;

@@ -12,7 +12,7 @@
 namespace cairn {
 
 struct ResectionOptions {
-  // Largest reprojection error of an inlier, pixels.
+  // Largest reprojection error of an inlier, pixels (times Camera::ErrorScale).
   double max_error_px = 8.0;
   // Inliers that a pose needs.
   int min_num_inliers = 15;

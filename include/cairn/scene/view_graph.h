@@ -18,7 +18,7 @@ enum class EdgeRemoval : int {
   kTripletInconsistent,    // Rotation loops through it do not close.
   kRotationInconsistent,   // Disagrees with the global rotations.
   kDirectionInconsistent,  // 1DSfM: its translation direction contradicts the others.
-  kOtherComponent,         // Not in the component that is reconstructed.
+  kOtherComponent,         // No model has both of its images.
   kAmbiguous,              // Contradicts many well-supported loops: duplicate structure.
   kModelInconsistent,      // The finished model explains less than half of its matches.
 };

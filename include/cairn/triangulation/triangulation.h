@@ -10,7 +10,8 @@
 namespace cairn {
 
 struct TriangulationOptions {
-  // Largest reprojection error of an observation, pixels (of the undistorted image).
+  // Largest reprojection error of an observation, pixels (of the undistorted image; times
+  // Camera::ErrorScale).
   double max_error_px = 4.0;
   // And in standard deviations of the observation, where its noise is known.
   double max_error_sigmas = 6.0;
@@ -35,6 +36,7 @@ struct TriangulationView {
   Eigen::Vector2d ray = Eigen::Vector2d::Zero();
   double focal_px = 1.0;
   double sigma_px = 0.0;
+  double error_scale = 1.0;  // Camera::ErrorScale
 };
 
 enum class TriangulationStatus : int {

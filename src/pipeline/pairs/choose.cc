@@ -121,11 +121,38 @@ std::string PairStageOptions(const PairChoosing& choosing) {
   return "pairs = \"" + choosing.ways + "\"\n" + DumpQualified("pair_selection", choosing.options);
 }
 
+namespace {
+
+// Images whose pairs were not chosen yet with these options; by these positions, where a file has
+// them. (The file may be left out where it has nothing more to tell.)
+struct Choosing {
+  Choosing(const PairChoosing& choosing, bool is_exhaustive)
+      : options_hash(Hasher().Add(PairStageOptions(choosing)).Add(is_exhaustive).Digest()),
+        positions(choosing.gps_path.empty() ? "" : HashToHex(HashFile(choosing.gps_path))) {}
+  bool IsDone(const JobRecord& job) const {
+    return job.input_hash == options_hash && (positions.empty() || job.note == positions);
+  }
+  std::set<image_t> Fresh(const Database& database, std::set<image_t> images) const {
+    for (const JobRecord& job : database.ReadJobs(kStagePairs)) {
+      if (IsDone(job)) images.erase(static_cast<image_t>(job.item));
+    }
+    return images;
+  }
+
+  uint64_t options_hash;
+  std::string positions;  // hash of the file
+};
+
+}  // namespace
+
 void CheckPairWays(const Database& database, const PairChoosing& choosing, const RunContext& run) {
   const std::vector<PairWay> ways = ParsePairWays(choosing.ways);
   const bool needs_facts = NeedsTimes(ways, choosing.options) || Contains(ways, PairWay::kSpatial);
-  if (!needs_facts || database.ReadStage(kStagePairs)) return;
+  if (!needs_facts) return;
   const std::vector<Image> images = database.ReadImages();
+  std::set<image_t> ids;
+  for (const Image& image : images) ids.insert(image.image_id);
+  if (Choosing(choosing, Contains(ways, PairWay::kExhaustive)).Fresh(database, ids).empty()) return;
   CheckFacts(ReadPhotoFacts(images, choosing.image_path, choosing.gps_path, run.num_threads),
              images.size(), ways, choosing.options);
 }
@@ -265,17 +292,10 @@ void PairChooser::WriteStage(bool is_complete) {
 
 StageReport PairChooser::ChooseFirst() {
   Stage stage(run_.monitor, kStagePairs);
-  const uint64_t hash =
-      Hasher()
-          .Add(PairStageOptions(choosing_))
-          .Add(IsExhaustive())
-          .Add(choosing_.gps_path.empty() ? uint64_t{0} : HashFile(choosing_.gps_path))
-          .Digest();
+  const Choosing choosing(choosing_, IsExhaustive());
   std::set<image_t> fresh;
   for (const auto& [id, num] : num_descriptors_) fresh.insert(id);
-  for (const JobRecord& job : database_.ReadJobs(kStagePairs)) {
-    if (job.input_hash == hash) fresh.erase(static_cast<image_t>(job.item));
-  }
+  fresh = choosing.Fresh(database_, std::move(fresh));
   size_t num_new = 0;
   if (!fresh.empty()) {
     Choices choices = FirstChoices(stage);
@@ -289,7 +309,9 @@ StageReport PairChooser::ChooseFirst() {
     });
     Database::Transaction transaction(database_);
     num_new = Write(choices, LastRound(database_.ReadPairChoices()) + 1).size();
-    for (const image_t id : fresh) database_.WriteJob(kStagePairs, {id, hash, ""});
+    for (const image_t id : fresh) {
+      database_.WriteJob(kStagePairs, {id, choosing.options_hash, choosing.positions});
+    }
     WriteStage(IsExhaustive());
     transaction.Commit();
   }

@@ -26,8 +26,8 @@ struct PairChoosing {
 // What the stage "pairs" depends on, as lines "key = value".
 std::string PairStageOptions(const PairChoosing& choosing);
 
-// Throws ConfigError for a way that needs times or positions that the photographs lack, where no
-// pairs were chosen yet: before features are extracted, not after.
+// Throws ConfigError for a way that needs times or positions that the photographs lack, where there
+// are images whose pairs are to be chosen: before features are extracted, not after.
 void CheckPairWays(const Database& database, const PairChoosing& choosing, const RunContext& run);
 
 // Chooses the pairs that are matched, in rounds, and writes each with its reason into the database,

@@ -392,7 +392,7 @@ void WriteImages(Database& database, const std::vector<Camera>& cameras,
     database.WritePhoto(photo.error.empty() ? record : FailedPhoto(image_path, record));
     if (!photo.image) continue;
     database.WriteImage(*photo.image);
-    database.WriteGpsPrior(photo.image->image_id, photo.exif.gps);
+    if (photo.exif.gps) database.WriteGpsPrior(photo.image->image_id, *photo.exif.gps);
     database.WriteJob(kStageCameras, {photo.image->image_id, photo.file_hash, ""});
     has_reassigned |= IsPending(ledger, photo.image->image_id);
   }

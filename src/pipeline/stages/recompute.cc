@@ -1,9 +1,14 @@
 #include "pipeline/stages/recompute.h"
 
+#include <algorithm>
 #include <filesystem>
+#include <iterator>
 #include <map>
+#include <set>
 
 #include "cairn/base/error.h"
+#include "cairn/base/file.h"
+#include "cairn/depth/depth_map.h"
 #include "database/match_origins.h"
 #include "database/stage_names.h"
 
@@ -28,14 +33,75 @@ void CheckPhotographs(const Database& database, BuildStage stage, const std::str
   }
 }
 
+// Images whose rows the stage wrote.
+std::set<image_t> ImagesOf(const Database& database, const std::string& stage) {
+  std::set<image_t> images;
+  for (const JobRecord& job : database.ReadJobs(stage)) {
+    images.insert(static_cast<image_t>(job.item));
+  }
+  return images;
+}
+
+[[noreturn]] void ThrowLost(image_t id, const std::string& what) {
+  throw ConfigError("recompute", "image " + std::to_string(id) + " has " + what);
+}
+
+// Pairs with matches, or with inliers alone; ascending.
+std::vector<image_pair_t> PairsWithRows(const Database& database) {
+  const std::vector<image_pair_t> matched = database.ReadMatchedPairIds();
+  const std::vector<image_pair_t> verified = database.ReadTwoViewGeometryPairIds();
+  std::vector<image_pair_t> pairs;
+  std::ranges::set_union(matched, verified, std::back_inserter(pairs));
+  return pairs;
+}
+
 void CheckDescriptors(const Database& database) {
   const std::map<image_t, int> num_descriptors = database.ReadNumDescriptors();
-  for (const image_pair_t pair : database.ReadMatchedPairIds()) {
+  std::set<image_t> images;
+  for (const image_pair_t pair : PairsWithRows(database)) {
     const auto [id1, id2] = PairIdToImagePair(pair);
-    if (num_descriptors.count(id1) > 0 && num_descriptors.count(id2) > 0) continue;
-    throw ConfigError("recompute",
-                      "image " + std::to_string(num_descriptors.count(id1) ? id2 : id1) +
-                          " has matches, but no descriptors; its matches would be lost");
+    images.insert({id1, id2});
+  }
+  const std::set<image_t> ours = ImagesOf(database, kStageFeatures);
+  for (const image_t id : images) {
+    if (num_descriptors.count(id) == 0) {
+      ThrowLost(id, "matches, but no descriptors; its matches would be lost");
+    }
+    if (ours.count(id) > 0) continue;
+    try {
+      database.ReadDescriptors(id);
+    } catch (const IoError& error) {
+      ThrowLost(id, "matches that would be lost: its descriptors cannot be matched (" +
+                        error.reason() + ")");
+    }
+  }
+}
+
+void CheckMatches(const Database& database) {
+  const std::vector<image_pair_t> matched = database.ReadMatchedPairIds();
+  for (const image_pair_t pair : database.ReadTwoViewGeometryPairIds()) {
+    if (std::ranges::binary_search(matched, pair)) continue;
+    const auto [id1, id2] = PairIdToImagePair(pair);
+    ThrowLost(id1, "inliers with image " + std::to_string(id2) +
+                       ", but no matches; the inliers would be lost");
+  }
+}
+
+// Depth that was not sampled by us.
+void CheckDepth(const Database& database, const std::string& image_path,
+                const DepthSource& source) {
+  const std::map<image_t, int> num_samples = database.ReadNumDepthSamples();
+  const std::set<image_t> ours = ImagesOf(database, kStageDepth);
+  for (const Image& image : database.ReadImages()) {
+    const image_t id = image.image_id;
+    if (num_samples.count(id) == 0 || ours.count(id) > 0) continue;
+    const bool has_source =
+        source.depth_path.empty()
+            ? fs::exists(fs::path(image_path) / image.name)
+            : StaysInFolder(image.name) && FindDepthMap(source.depth_path, image.name).has_value();
+    if (!has_source) {
+      ThrowLost(id, "depth, but " + image.name + " has no source of it here; it would be lost");
+    }
   }
 }
 
@@ -79,7 +145,8 @@ void ClearStageAndDependents(Database& database, BuildStage stage) {
 
 }  // namespace
 
-void PrepareRecompute(Database& database, BuildStage stage, const std::string& image_path) {
+void PrepareRecompute(Database& database, BuildStage stage, const std::string& image_path,
+                      const DepthSource& depth) {
   using enum BuildStage;
   if (stage != kNone && database.ReadStage(kStageDataset)) {
     throw ConfigError("recompute",
@@ -91,7 +158,12 @@ void PrepareRecompute(Database& database, BuildStage stage, const std::string& i
   if (stage == kNone || stage == kChanged) return;  // ImportPhotos finds what changed
   const std::vector<JobRecord> our_images = database.ReadJobs(kStageCameras);
   if (stage == kFeatures || stage == kCameras) CheckPhotographs(database, stage, image_path);
-  if (stage == kPairs || stage == kMatching) CheckDescriptors(database);
+  if (stage == kDepth) CheckDepth(database, image_path, depth);
+  if (stage == kPairs || stage == kMatching) {
+    CheckDescriptors(database);
+  } else if (stage != kFeatures) {
+    CheckMatches(database);
+  }
   Database::Transaction transaction(database);
   if (stage == kMatching) ForgetGivenChoices(database);
   ClearStageAndDependents(database, stage);

@@ -49,6 +49,20 @@ double ChanceOfInlier(const PreparedPair& pair, const Eigen::Matrix3d& E, double
   return (num_close + kEnoughMatches * prior) / (num_tried + kEnoughMatches);
 }
 
+bool HasParallax(const PreparedPair& pair, const Eigen::Matrix3d& H,
+                 std::span<const int32_t> inliers, double min_log10_evidence) {
+  constexpr ModelKind kEpipole = {2, 1};
+  MatchErrors errors;
+  errors.SetHomography(pair.points, H);
+  const auto is_off = [&](float error) { return error > kOutside * pair.max_error_px; };
+  const auto num_off = std::ranges::count_if(errors.values(), is_off);
+  const auto num_explained =
+      std::ranges::count_if(inliers, [&](int32_t i) { return is_off(errors[i]); });
+  const double chance = pair.chance_per_px * pair.max_error_px;
+  return Log10NumFalseAlarms(static_cast<int>(num_off), static_cast<int>(num_explained), kEpipole,
+                             chance) < -min_log10_evidence;
+}
+
 int EstimateNumDistinct(const PreparedPair& pair, std::span<const int32_t> matches) {
   const double scale1 = pair.points.focal1_px() / (kOutside * pair.max_error_px);
   const double scale2 = pair.points.focal2_px() / (kOutside * pair.max_error_px);

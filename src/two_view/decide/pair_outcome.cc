@@ -51,6 +51,11 @@ class PairFinisher {
       report->geometry.inlier_matches = pair_.Matches(support.inliers);
       return;
     }
+    // Most of it far away, what is near tells the translation.
+    if (config == TwoViewConfig::kPanoramic &&
+        HasParallax(pair_, special.H, support.inliers, options_.min_log10_evidence)) {
+      config = TwoViewConfig::kCalibrated;
+    }
     if (config == TwoViewConfig::kPlanar) {
       pose = BestMotionOfPlane(pose, special.H);
       support = SupportOf(pose);

@@ -205,6 +205,11 @@ TEST_F(OneDsfmExport, NamesBrokenPhotographsAndGoesOn) {
   EXPECT_EQ(ReadOneDsfmDataset(Output()).images.size(), 7u);
 }
 
+TEST_F(OneDsfmExport, WhatCannotBeWrittenEndsIt) {
+  CreateFolders(Output() + "/images/view/3.png");
+  EXPECT_NE(ThrownMessage<IoError>([&] { Export(); }).find("view/3.png"), std::string::npos);
+}
+
 TEST_F(OneDsfmExport, NeverReplacesThePhotographsThatItReads) {
   std::filesystem::create_directory(Output());
   std::filesystem::rename(Photos(), Output() + "/images");

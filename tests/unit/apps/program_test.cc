@@ -49,7 +49,7 @@ class ProgramTest : public ::testing::Test {
     command.AddOptions("matching", matching_);
     command.SetRun([&] {
       ++num_runs_;
-      toml_ = command.EffectiveToml();
+      toml_ = command.EffectiveToml(left_out_);
       seed_is_set_ = command.IsSet("seed");
       if (!required_.empty()) command.Require(required_);
       return run();
@@ -73,6 +73,7 @@ class ProgramTest : public ::testing::Test {
   TempFolder folder_;
   TopOptions top_;
   MatchOptions matching_;
+  std::vector<std::string> left_out_;
   std::string output_, toml_, required_;
   bool seed_is_set_ = false;
   int num_runs_ = 0;
@@ -138,6 +139,9 @@ TEST_F(ProgramTest, EffectiveTomlReadsBackToTheSameOptions) {
   matching_ = {};
   EXPECT_EQ(Run({"--config", WriteConfig(first)}), 0);
   EXPECT_EQ(toml_, first);
+  left_out_ = {"seed"};
+  Run({"--seed", "3"});
+  EXPECT_EQ(toml_.find("seed"), std::string::npos);
   EXPECT_EQ(top_.image_path, "x\"y\\z");
 }
 

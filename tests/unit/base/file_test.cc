@@ -122,12 +122,27 @@ TEST(File, IsWholeHoweverManyWriteIt) {
   EXPECT_EQ(NumFiles(folder), 1u);
 }
 
+TEST(File, NamesMayBeAsLongAsTheFileSystemAllows) {
+  const TempFolder folder;
+  const std::string path = folder / std::string(255, 'n');
+  WriteFileAtomically(path, "x");
+  EXPECT_EQ(ReadFile(path), "x");
+}
+
 TEST(File, LinksStayAndTheirTargetsAreWritten) {
   const TempFolder folder;
   WriteFileAtomically(folder / "target", "before");
   std::filesystem::create_symlink("target", folder / "link");
   WriteFileAtomically(folder / "link", "after");
   EXPECT_TRUE(std::filesystem::is_symlink(folder / "link"));
+  // Also where the target is not there yet.
+  std::filesystem::create_symlink("absent", folder / "middle");
+  std::filesystem::create_symlink("middle", folder / "dangling");
+  EXPECT_EQ(BehindLinks(folder / "dangling"), folder / "absent");
+  WriteFileAtomically(folder / "dangling", "new");
+  EXPECT_TRUE(std::filesystem::is_symlink(folder / "dangling"));
+  EXPECT_EQ(ReadFile(folder / "absent"), "new");
+
   EXPECT_EQ(ReadFile(folder / "target"), "after");
 }
 

@@ -216,6 +216,20 @@ TEST_F(OutputFolderTest, ALineOfTheListLeadsNowhereElse) {
   EXPECT_EQ(ReadFile(temp_ / "victim"), "x");
 }
 
+// A line of a list would be another file's name.
+TEST_F(OutputFolderTest, FilesWithALineBreakInTheirNameAreNotRemoved) {
+  Run({{"report", "1"}});
+  WriteFileAtomically(At("notes"), "mine");
+  CreateFolders(At("sparse"));
+  WriteFileAtomically(At("sparse/x\nnotes"), "mine");
+  EXPECT_THAT(ThrownMessage<IoError>([&] {
+                Run({{"report", "2"}}, true);
+              }),
+              ::testing::HasSubstr("line break"));
+  EXPECT_EQ(Content("notes"), "mine");
+  EXPECT_EQ(Content("report"), "1");
+}
+
 TEST_F(OutputFolderTest, OneRunWritesAtATime) {
   const OutputFolder output(path_, "test", {"report"}, false);
   EXPECT_THAT(ThrownMessage<IoError>([&] { OutputFolder(path_, "test", {"report"}, false); }),

@@ -145,6 +145,7 @@ TEST_F(BadRowsTest, OldVersionsOfColmap) {
   const auto make_old = [&](const std::string& name, const std::string& changes) {
     fs::copy_file(Path(), Path(name), fs::copy_options::overwrite_existing);
     RunSql(Path(name),
+           "DROP TRIGGER cairn_forget_learned; DROP INDEX cairn_images_of_cameras; "
            "DROP TABLE cairn_depth_scales; DROP TABLE cairn_pair_metrics; DROP TABLE "
            "cairn_focal_evidence; DROP TABLE cairn_camera_focals; DROP TABLE cairn_camera_lenses; "
            "DROP TABLE cairn_photos; DROP TABLE cairn_jobs; DROP TABLE cairn_stages; DROP TABLE "

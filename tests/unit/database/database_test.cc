@@ -156,6 +156,17 @@ TEST_F(DatabaseTest, LearnedFocalsRoundTrip) {
   EXPECT_EQ(focal.num_contradicting, 4);
   EXPECT_EQ(database.ReadCameraLenses().begin()->second, lens);
 
+  // What was learned goes where the camera's own row changes.
+  Camera camera = database.ReadCameras()[0];
+  database.WriteCamera(camera);
+  EXPECT_EQ(database.ReadCameraLenses().size(), 1u);
+  EXPECT_EQ(database.ReadCameraFocals().size(), 1u);
+  camera.params[0] += 1;
+  database.WriteCamera(camera);
+  EXPECT_TRUE(database.ReadCameraLenses().empty());
+  EXPECT_TRUE(database.ReadCameraFocals().empty());
+  fill();
+
   database.DeletePairResults(pair);
   EXPECT_FALSE(database.ReadTwoViewGeometry(pair));
   EXPECT_EQ(database.ReadFocalEvidence().size(), 1u);
@@ -411,6 +422,12 @@ TEST_F(DatabaseTest, DeletedFeaturesTakeTheirPairsAndLeaveImagesAndCameras) {
   EXPECT_EQ(database.ReadPairChoices().size(), 1u);
   EXPECT_EQ(database.ReadPairMetrics().size(), 1u);
   EXPECT_EQ(database.ReadFocalEvidence().size(), 1u);
+  // An id that COLMAP's schema allows.
+  database.WriteImage({0, "zero.jpg", 1});
+  database.WriteMatches(ImagePairToPairId(0, 4), {{0, 0}});
+  database.DeleteFeaturesAndPairs({0});
+  EXPECT_EQ(database.ReadNumMatches(), expected);
+  database.DeleteImage(0);
   database.DeleteImagesAndPairs({1, 2, 3});
   EXPECT_EQ(database.ReadImages().size(), 1u);
   EXPECT_EQ(database.ReadJobs("cameras").size(), 1u);

@@ -16,9 +16,6 @@ TEST_F(DatabaseTest, GpsPriorsAreThoseOfEveryColmap) {
   ASSERT_EQ(database.ReadGpsPriors().size(), 1u);
   EXPECT_EQ(database.ReadGpsPriors().at(1).longitude_deg, 7.25);
   EXPECT_EQ(database.ReadGpsPriors().at(1).altitude_m, 500.5);
-  database.WriteGpsPrior(2, GpsPosition{46.5, 7.25, 1});
-  database.WriteGpsPrior(2, std::nullopt);
-  ASSERT_EQ(database.ReadGpsPriors().size(), 1u);
   // 3.10 and 4.x: little-endian doubles 45, 8 and 300; those in meters are of no place on Earth.
   const std::string position = "x'000000000080464000000000000020400000000000C07240'";
   RunSql(Path(),

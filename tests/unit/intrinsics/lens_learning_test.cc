@@ -269,6 +269,39 @@ TEST_F(LensLearningTest, GivenAndMeasuredCamerasAreLeftAlone) {
   EXPECT_EQ(Verify(measured).Value("learned_lenses"), 0);
 }
 
+// Pixels of wide lenses have no fundamental matrix; those between other cameras still teach.
+TEST_F(LensLearningTest, PairsWithAWideCameraTeachNothing) {
+  const std::string path =
+      MakeDatabase("mixed.db", {.focal_factor = 1.3, .has_prior = false, .num_kinds = 3});
+  Database database(path);
+  Camera camera = database.ReadCameras().back();
+  camera = Camera::FromFocal(camera.camera_id, CameraModel::kOpenCVFisheye, camera.MeanFocal(),
+                             camera.width, camera.height);
+  camera.has_prior_focal_length = true;
+  database.WriteCamera(camera);
+  Verify(path);
+  const std::map<camera_t, CameraLens> lenses = database.ReadCameraLenses();
+  EXPECT_EQ(lenses.count(camera.camera_id), 0u);
+  EXPECT_EQ(lenses.size(), 2u);
+}
+
+// A plane's fundamental matrix, found at a guess, agrees with that.
+TEST_F(LensLearningTest, PlanesAndRotationsTellNoFocalLength) {
+  const std::string path =
+      MakeDatabase("a.db", {.focal_factor = 1.3, .has_prior = false, .own_cameras = true});
+  Verify(path);
+  Database database(path);
+  const std::vector<image_pair_t> likely = database.ReadMatchedPairIds();
+  for (const image_pair_t pair : database.ReadTwoViewGeometryPairIds()) {
+    TwoViewGeometry geometry = *database.ReadTwoViewGeometry(pair);
+    geometry.config = TwoViewConfig::kPlanar;
+    database.WriteTwoViewGeometry(pair, geometry);
+  }
+  for (const Image& image : database.ReadImages()) database.WriteCameraLens(image.camera_id, {});
+  LearnLenses(database, likely);
+  for (const auto& [id, lens] : database.ReadCameraLenses()) EXPECT_EQ(lens.focal_px, 0) << id;
+}
+
 TEST_F(LensLearningTest, WhatIsCompleteStaysAsItIs) {
   const std::string path = MakeDatabase("a.db", {.k = -0.1});
   Verify(path);

@@ -150,7 +150,26 @@ TEST(Bundler, WhatDoesNotFitIsSaid) {
               ElementsAre(HasSubstr("1 of 1 cameras are of the model OPENCV_FISHEYE, which the "
                                     "format does not have")));
   EXPECT_THAT(warnings(CameraModel::kFullOpenCV, [](auto&) {}),
-              ElementsAre(HasSubstr("FULL_OPENCV: only its first two radial coefficients")));
+              ElementsAre(HasSubstr("FULL_OPENCV: the nearest two radial coefficients")));
+}
+
+TEST(Bundler, ARationalLensIsWrittenAsTheNearestOfTwoCoefficients) {
+  const TempFolder folder;
+  Reconstruction r;
+  r.cameras[1] = Camera::FromFocal(1, CameraModel::kFullOpenCV, 500, 640, 480);
+  auto& params = r.cameras[1].params;
+  // (1 + 8 r^2 + 0.8 r^4 - 0.4 r^6) / (1 + 8.1 r^2)
+  params[4] = 8.0, params[5] = 0.8, params[8] = -0.4, params[9] = 8.1;
+  r.images[1].image = {1, "a.jpg", 1};
+  WriteBundler(r, folder / "bundle.out", folder / "list.txt");
+  const Reconstruction read = ReadBundler(folder / "bundle.out", folder / "list.txt");
+  const Camera& nearest = read.CameraOf(read.images.begin()->second);
+  for (const double x : {0.1, 0.3, 0.5, 0.7}) {
+    const Eigen::Vector2d ray(x, 0.5 * x);
+    const Eigen::Vector2d pixel = r.cameras[1].ImgFromCam(ray) - r.cameras[1].PrincipalPoint();
+    const Eigen::Vector2d written = nearest.ImgFromCam(ray) - nearest.PrincipalPoint();
+    EXPECT_LT((pixel - written).norm(), 1.5) << x;
+  }
 }
 
 TEST(BundlerList, NamesAndFocalLengths) {

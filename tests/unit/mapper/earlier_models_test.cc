@@ -87,6 +87,28 @@ TEST_F(EarlierModelsTest, RegisterNewImagesAndStayWhereTheyAre) {
   EXPECT_EQ(FindStage(result.report, "translation_averaging"), nullptr);
 }
 
+// Photographs that were replaced by others of the same names: 4 and 8 are now where 1 and 2 were.
+TEST_F(EarlierModelsTest, ReplacedPhotographsAreRegisteredAnew) {
+  for (const auto& [replaced, other] : {std::pair(1, 4), std::pair(2, 8)}) {
+    RegisteredImage& image = model_.images.at(replaced);
+    image.points2D = scene_.truth.images.at(other).points2D;
+    image.point3D_ids.assign(image.points2D.size(), kInvalidPoint3DId);
+    // Its place is that of the photograph before: anywhere.
+    image.cam_from_world.translation += Eigen::Vector3d(900, -700, 400);
+  }
+  const ReconstructResult result = Continue(database_, {model_});
+  ASSERT_EQ(result.models.size(), 1u) << result.report.failure;
+  EXPECT_EQ(Value(*FindStage(result.report, "input"), "images"), 7);
+  EXPECT_EQ(result.models.front().images.size(), 12u);
+  EXPECT_LT(CompareAligned(result.models.front(), scene_.truth).angle, 2e-3);
+  // Of another lens, threshold or program the keypoints of all are others, and poses are right.
+  for (auto& [id, image] : model_.images) {
+    image.points2D.pop_back();
+    image.point3D_ids.pop_back();
+  }
+  EXPECT_EQ(Value(*FindStage(Continue(database_, {model_}).report, "input"), "images"), 9);
+}
+
 TEST_F(EarlierModelsTest, AreRefinedAloneWhereNothingIsRegistered) {
   Rng rng(1);
   for (auto& [id, image] : model_.images) {
@@ -193,6 +215,12 @@ TEST_F(EarlierModelsTest, SeveralGoOnSideBySide) {
   EXPECT_THAT(WarningsOf(result), Contains(HasSubstr("that a larger model has")));
   EXPECT_THAT(WarningsOf(result),
               Contains(HasSubstr("verified pairs join models that stay apart")));
+  for (const ViewEdge& edge : result.graph.edges) {
+    const auto has_both = [&](const Reconstruction& model) {
+      return model.images.count(edge.image_id1) > 0 && model.images.count(edge.image_id2) > 0;
+    };
+    EXPECT_TRUE(!edge.IsActive() || std::ranges::any_of(result.models, has_both));
+  }
 }
 
 TEST_F(EarlierModelsTest, AnImageAloneInItsModelIsRegisteredLikeNewOnes) {

@@ -322,6 +322,18 @@ TEST_F(BuildPipelineTest, PairsOfAnEarlierListAreVerifiedAgain) {
                           Field(&std::pair<image_pair_t, int>::first, ImagePairToPairId(1, 3))));
 }
 
+TEST_F(BuildPipelineTest, AListThatIsLeftOutIsMissed) {
+  BuildPipelineOptions options = Options("a.db");
+  options.inputs.pairs_path = folder_ / "pairs.txt";
+  WriteFileAtomically(options.inputs.pairs_path, "photo0.png photo2.png\n");
+  RunBuildPipeline(options);
+  options.inputs.pairs_path = "";
+  options.inputs.recompute = BuildStage::kMatching;
+  TestMonitor monitor;
+  RunBuildPipeline(options, {.monitor = monitor});
+  EXPECT_THAT(monitor.warnings(), Contains(HasSubstr("earlier runs took the pairs of a list")));
+}
+
 TEST_F(BuildPipelineTest, DeletedPairsThatCannotBeHadAgainAreNotCounted) {
   RunBuildPipeline(Options("a.db"));
   for (const std::string table : {"matches", "two_view_geometries", "descriptors"}) {

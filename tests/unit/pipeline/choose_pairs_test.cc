@@ -287,6 +287,16 @@ TEST_F(ChoosePairsOfPhotosTest, PositionsThatChangeInTheirFileAreNoticed) {
   };
   EXPECT_EQ(num_pairs_with(4), 3);
   EXPECT_EQ(num_pairs_with(12), 11);
+  // Where there is nothing to choose, the file has nothing to tell.
+  options.inputs.gps_path = "";
+  EXPECT_EQ(RunBuildPipeline(options).summary.num_pairs, 11);
+  // What joins later needs it, before its features are found.
+  WriteBitmap(folder_ / "images/later.jpg", WallPhoto(160, 120, 250));
+  options.inputs.gps_path = folder_ / "other.csv";
+  WriteFileAtomically(options.inputs.gps_path, "other.jpg,45,7\n");
+  EXPECT_THAT(ThrownMessage<ConfigError>([&] { RunBuildPipeline(options); }),
+              HasSubstr("0 of 13 photographs have GPS"));
+  EXPECT_EQ(Database(options.inputs.database_path).ReadNumKeypoints().size(), 12u);
 }
 
 TEST_F(ChoosePairsOfPhotosTest, TimesAndPlacesComeFromExif) {

@@ -175,7 +175,7 @@ TEST_F(ImportPhotosTest, OtherCameraOptionsAreAnErrorUnlessCamerasAreRecomputed)
   options.camera_model = CameraModel::kPinhole;
   EXPECT_THAT(ThrownMessage<ConfigError>([&] { Import(options); }),
               HasSubstr("camera_model: is \"PINHOLE\""));
-  PrepareRecompute(database_, BuildStage::kCameras, images_);
+  PrepareRecompute(database_, BuildStage::kCameras, images_, {});
   options.single_camera = true;
   Import(options);
   ASSERT_EQ(database_.ReadCameras().size(), 1u);
@@ -188,7 +188,7 @@ TEST_F(ImportPhotosTest, RecomputedCamerasSpareThoseOfPhotographsThatCannotBeRea
   AddPhoto("a.png");
   AddPhoto("b.png", 32, 32);
   Import();
-  PrepareRecompute(database_, BuildStage::kCameras, images_);
+  PrepareRecompute(database_, BuildStage::kCameras, images_, {});
   fs::remove(images_ + "/b.png");
   ASSERT_EQ(mkfifo((images_ + "/b.png").c_str(), 0600), 0);
   Import();
@@ -196,7 +196,7 @@ TEST_F(ImportPhotosTest, RecomputedCamerasSpareThoseOfPhotographsThatCannotBeRea
   EXPECT_EQ(database_.ReadCameras()[0].width, 32);
   fs::remove(images_ + "/b.png");
   AddPhoto("c.png");
-  PrepareRecompute(database_, BuildStage::kCameras, images_);
+  PrepareRecompute(database_, BuildStage::kCameras, images_, {});
   ImportPhotos(database_, {images_, std::vector<PhotoSource::Photo>{{"a.png", std::nullopt}}});
   EXPECT_EQ(CameraIds()[1], 2u);
 }

@@ -212,7 +212,7 @@ TEST_F(ImportPhotosTest, ImagesOfAnotherProgramKeepTheirCameras) {
   EXPECT_EQ(database_.ReadImages()[0].camera_id, 5u);
   EXPECT_EQ(database_.ReadImages()[1].image_id, 8u);
   EXPECT_EQ(database_.ReadImages()[1].camera_id, 6u);
-  PrepareRecompute(database_, BuildStage::kCameras, images_);
+  PrepareRecompute(database_, BuildStage::kCameras, images_, {});
   CameraOptions options;
   options.camera_model = CameraModel::kPinhole;
   TestMonitor monitor;

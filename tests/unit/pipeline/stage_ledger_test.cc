@@ -100,7 +100,7 @@ TEST(StageLedger, ClearingAStageClearsWhatDependsOnIt) {
                                      kStageMatching, kStageVerification}) {
       database.WriteStage({stage, "", true});
     }
-    PrepareRecompute(database, cleared, photos.path());
+    PrepareRecompute(database, cleared, photos.path(), {});
     std::string left;
     if (database.ReadKeypoints(1)) left += "features ";
     EXPECT_EQ(database.ReadKeypoints(1).has_value(), database.ReadDescriptors(1).has_value());
@@ -120,6 +120,51 @@ TEST(StageLedger, ClearingAStageClearsWhatDependsOnIt) {
   EXPECT_EQ(stages_left(BuildStage::kMatching), "features depth pairs ");
   EXPECT_EQ(stages_left(BuildStage::kVerification), "features depth pairs matching ");
   EXPECT_EQ(stages_left(BuildStage::kCameras), "features depth pairs matching ");
+}
+
+// What other programs wrote and we cannot make again.
+TEST(StageLedger, NothingIsClearedThatWouldBeLost) {
+  const TempFolder folder;
+  const image_pair_t pair = ImagePairToPairId(1, 2);
+  const auto refusal = [&](BuildStage stage, auto change) {
+    const std::string path = folder / "a.db";
+    std::filesystem::remove(path);
+    Database database(path);
+    database.WriteCamera(Camera::FromFocal(1, CameraModel::kPinhole, 10, 10, 10));
+    for (const image_t id : {1, 2}) {
+      database.WriteImage({id, std::to_string(id), 1});
+      database.WriteKeypoints(id, std::vector<Keypoint>(1));
+      database.WriteDescriptors(id, Descriptors::Random(1, 128));
+    }
+    TwoViewGeometry geometry;
+    geometry.inlier_matches = {{0, 0}};
+    database.WriteTwoViewGeometry(pair, geometry);
+    change(database);
+    const std::string before = DumpDatabase(path);
+    const std::string message = ThrownMessage<ConfigError>([&] {
+      PrepareRecompute(database, stage, "", {"/nowhere", ""});
+    });
+    EXPECT_TRUE(DumpDatabase(path) == before);
+    return message;
+  };
+  const auto none = [](Database&) {};
+  for (const BuildStage stage : {BuildStage::kVerification, BuildStage::kDepth}) {
+    EXPECT_THAT(refusal(stage, none), HasSubstr("the inliers would be lost"));
+  }
+  const auto add_matches = [&](Database& database) { database.WriteMatches(pair, {{0, 0}}); };
+  EXPECT_THAT(refusal(BuildStage::kDepth,
+                      [&](Database& database) {
+                        add_matches(database);
+                        database.WriteDepthSamples(1, std::vector<DepthSample>(1));
+                      }),
+              HasSubstr("1 has no source of it here"));
+  for (const BuildStage stage : {BuildStage::kPairs, BuildStage::kMatching}) {
+    EXPECT_THAT(refusal(stage,
+                        [&](Database& database) {
+                          database.WriteDescriptors(2, Descriptors::Random(1, 256));
+                        }),
+                HasSubstr("its descriptors cannot be matched"));
+  }
 }
 
 }  // namespace

@@ -3,6 +3,7 @@
 #include <Eigen/Geometry>
 
 #include "cairn/base/rng.h"
+#include "cairn/camera/camera.h"
 #include "cairn/math/so3.h"
 #include "cairn/synthetic/poses.h"
 #include "math/random_vectors.h"
@@ -39,6 +40,19 @@ std::vector<TriangulationView> RandomViews(Rng& rng, int n, const Eigen::Vector3
     Observe(xyz, noise_px * GaussianVector<2>(rng), views.back());
   }
   return views;
+}
+
+// What is 6 px in a photograph that was reduced to half its size for features is 3 px there.
+TEST(Triangulate, ErrorsOfLargePhotographsMayBeLarger) {
+  Rng rng(3);
+  const Eigen::Vector3d xyz(0.1, -0.2, 0.3);
+  auto views = RandomViews(rng, 6, xyz, 0);
+  Observe(xyz, {6, 0}, views[0]);
+  EXPECT_EQ(Triangulate(views, {}).inliers.size(), 5u);
+  for (TriangulationView& view : views) view.error_scale = 2;
+  EXPECT_EQ(Triangulate(views, {}).inliers.size(), 6u);
+  EXPECT_EQ(Camera::FromFocal(1, CameraModel::kPinhole, 5000, 6400, 4800).ErrorScale(), 2);
+  EXPECT_EQ(Camera::FromFocal(1, CameraModel::kPinhole, 500, 640, 480).ErrorScale(), 1);
 }
 
 TEST(Triangulate, IsExactWithoutNoise) {

@@ -71,6 +71,42 @@ TEST(SpecialPairs, PureRotationHasNoTranslation) {
   EXPECT_EQ(report.triangulation_angle_deg, 0.0);
 }
 
+// A scene whose points are mostly too far away to show a translation; without a rotation they do
+// not move at all, as marks do.
+Pair MakeFarPair(double far_share, bool is_turned, uint64_t seed) {
+  Pair pair = MakePlanarPair(SomeMotion(), true, 0, 0, seed);
+  if (!is_turned) pair.cam2_from_cam1.rotation.setIdentity();
+  pair.cam2_from_cam1.translation = Eigen::Vector3d(0.98, 0.1, 0.17).normalized();
+  Rng rng(seed, "far");
+  while (pair.matches.size() < 600) {
+    const Eigen::Vector3d ray = UniformVector({{-0.6, 0.6}, {-0.6, 0.6}}, rng).homogeneous();
+    const double depth = rng.Uniform(0, 1) < far_share ? 1e5 : rng.Uniform(10, 60);
+    const Eigen::Vector3d X2 = pair.cam2_from_cam1 * Eigen::Vector3d(depth * ray);
+    if ((X2.head<2>() / X2.z()).cwiseAbs().maxCoeff() > 0.75) continue;
+    const auto k = static_cast<point2D_t>(pair.matches.size());
+    const auto add = [&](const Eigen::Vector2d& pixel, std::vector<Keypoint>& keypoints) {
+      keypoints.push_back(RoundKeypoint(pixel + 0.3 * GaussianVector<2>(rng)));
+    };
+    add(pair.camera1.ImgFromCam(ray.head<2>()), pair.keypoints1);
+    add(pair.camera2.ImgFromCam(X2.hnormalized()), pair.keypoints2);
+    pair.matches.push_back({k, k});
+  }
+  return pair;
+}
+
+TEST(SpecialPairs, WhatIsNearTellsTheTranslation) {
+  for (const bool is_turned : {true, false}) {
+    int num_right = 0;
+    for (uint64_t seed = 0; seed < 10; ++seed) {
+      const Pair pair = MakeFarPair(is_turned ? 0.9 : 0.65, is_turned, seed);
+      num_right += PoseErrorDeg(VerifyFivePoint(pair), pair) < 3;
+    }
+    EXPECT_GE(num_right, is_turned ? 9 : 7) << is_turned;
+    EXPECT_EQ(VerifyFivePoint(MakeFarPair(1, is_turned, 1)).geometry.config,
+              TwoViewConfig::kPanoramic);
+  }
+}
+
 // Inliers may be as far off as two coordinates may be, and the score is by that.
 TEST(SpecialPairs, EveryInlierOfARotationSpeaksForIt) {
   const Pair pair = MakePlanarPair(SomeMotion(), true, 150, 0.6, 2);
