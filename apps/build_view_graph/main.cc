@@ -1,9 +1,11 @@
 #include <spdlog/spdlog.h>
 
 #include <iostream>
+#include <map>
 
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
+#include "cairn/database/database.h"
 #include "cairn/mpi/join_job.h"
 #include "cairn/pipeline/build_pipeline.h"
 #include "common/console_monitor.h"
@@ -13,6 +15,28 @@
 namespace {
 
 using namespace cairn;
+
+// Options that were given for stages of which nothing was computed, in this run or an earlier one.
+void WarnOfUnused(const Command& command, BuildPipelineOptions options) {
+  const std::map<std::string, std::string> stage_of = {{"", "cameras"},
+                                                       {"features", "features"},
+                                                       {"pair_selection", "pairs"},
+                                                       {"matching", "matching"},
+                                                       {"verification", "verification"}};
+  const Database database(options.inputs.database_path, Database::Mode::kReadOnly);
+  std::string unused;
+  options.VisitModules([&](const std::string& module, auto& fields) {
+    const auto stage = stage_of.find(module);
+    if (stage == stage_of.end() || !database.ReadJobs(stage->second).empty()) return;
+    for (const OptionField& field : FieldsOf(fields)) {
+      const std::string key = OptionKey(module, field.name);
+      if (command.IsSet(key)) unused += (unused.empty() ? "--" : ", --") + key;
+    }
+  });
+  if (unused.empty()) return;
+  spdlog::warn("nothing was computed with {}: the database has what other programs computed",
+               unused);
+}
 
 int Build(const BuildPipelineOptions& options, const RunFlags& flags,
           const std::string& effective_toml, Peers* peers) {
@@ -51,7 +75,9 @@ int Main(int argc, char** argv) {
     }
     // What was asked for once is not asked for again by --config.
     const std::string effective_toml = command.EffectiveToml({"recompute", "drop_missing"});
-    return Build(options, flags, effective_toml, peers.get());
+    const int exit_code = Build(options, flags, effective_toml, peers.get());
+    if (options.inputs.stop_after == BuildStage::kVerification) WarnOfUnused(command, options);
+    return exit_code;
   });
   return program.Run(argc, argv);
 }

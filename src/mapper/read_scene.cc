@@ -210,12 +210,13 @@ void WarnOfUnfinishedPairs(const Database& database, const SceneData& scene, Sta
 void ChooseConstantCameras(const IntrinsicsMap& intrinsics,
                            const std::optional<bool>& refine_intrinsics, Stage& stage,
                            SceneData& scene) {
-  int num_guessed = 0, num_contradicted = 0;
+  int num_guessed = 0, num_contradicted = 0, num_unconfirmed = 0;
   std::string first, share;
   for (const auto& [id, known] : intrinsics) {
     if (refine_intrinsics ? *refine_intrinsics : !known.IsConstant()) continue;
     scene.constant_cameras.insert(id);
     num_guessed += !known.HasPriorFocal() && !known.IsConstant();
+    num_unconfirmed += !refine_intrinsics && !known.is_given && !known.HasPriorFocal();
     if (!known.IsRejected() || num_contradicted++ > 0) continue;
     first = std::to_string(id);
     share = std::to_string(known.judgement->num_contradicting) + " of " +
@@ -227,6 +228,13 @@ void ChooseConstantCameras(const IntrinsicsMap& intrinsics,
     stage.Warn(ResultWarning{"the intrinsics of camera " + first + more + " are constant, but " +
                                  share + " pairs contradict its focal length",
                              "try --refine_intrinsics 1"});
+  }
+  if (num_unconfirmed > 0) {
+    stage.Warn(ResultWarning{std::to_string(num_unconfirmed) +
+                                 " cameras look measured (distortion, or a principal point off the "
+                                 "center) and are constant, but the database calls their focal "
+                                 "lengths guesses (prior_focal_length 0)",
+                             "--refine_intrinsics 1 finds them from the photos"});
   }
   if (num_guessed == 0) return;
   stage.Warn(ResultWarning{"the focal lengths of " + std::to_string(num_guessed) +

@@ -58,6 +58,25 @@ TEST(Failure, MissingAndBrokenDepthMapsLeaveTheImageWithoutDepth) {
   EXPECT_EQ(database.ReadTwoViewGeometryPairIds().empty(), false);
 }
 
+TEST(Failure, WhatDoesNothingForAnotherProgramsDatabaseIsAWarning) {
+  const SceneFiles scene;
+  RunSql(scene.database(), "DELETE FROM cairn_jobs");
+  RunSql(scene.database(), "DELETE FROM cairn_stages");
+  RunSql(scene.database(), "DELETE FROM cairn_photos");
+  const ProgramResult result =
+      RunProgram("build_view_graph", {"--database_path", scene.database(), "--matching.max_ratio",
+                                      "0.6", "--camera_model", "PINHOLE"});
+  EXPECT_EQ(result.exit_code, 0) << result.output;
+  EXPECT_THAT(result.output,
+              HasSubstr("nothing was computed with --camera_model, --matching.max_ratio"));
+  std::filesystem::create_directory(scene / "above");
+  std::filesystem::rename(scene.images(), scene / "above/images");
+  const ProgramResult above = RunProgram(
+      "build_view_graph", {"--database_path", scene.database(), "--image_path", scene / "above",
+                           "--stop_after", "features", "--features.max_num_features", "100"});
+  EXPECT_THAT(above.output, HasSubstr("has no files of the names of 10 images"));
+}
+
 TEST(Failure, ADatabaseThatIsNone) {
   const SceneFiles scene;
   WriteText(scene / "bad.db", "This is no database.\n");

@@ -57,17 +57,24 @@ size_t HandleMissing(Database& database, const PhotoSource& source,
   std::set<std::string> present, imported;
   for (const Photo& photo : photos) present.insert(photo.name);
   for (const PhotoRecord& record : database.ReadPhotos()) imported.insert(record.name);
-  std::vector<std::string> names;
+  std::vector<std::string> names, foreign;  // of other programs
   std::set<image_t> missing;
   bool any_is_there = false;
   for (const Image& image : database.ReadImages()) {
-    if (!source.drop_missing && imported.count(image.name) == 0) continue;
     if (present.count(image.name) > 0) {
       any_is_there = true;
-    } else {
+    } else if (source.drop_missing || imported.count(image.name) > 0) {
       names.push_back(image.name);
       missing.insert(image.image_id);
+    } else {
+      foreign.push_back(image.name);
     }
+  }
+  if (!foreign.empty()) {
+    stage.Warn(ResultWarning{source.image_path + " has no files of the names of " +
+                                 std::to_string(foreign.size()) +
+                                 " images of the database: " + FirstNames(foreign, 3),
+                             "is it the folder that their names are relative to?"});
   }
   if (missing.empty()) return 0;
   const std::string what = source.image_path + " no longer has " + std::to_string(names.size()) +

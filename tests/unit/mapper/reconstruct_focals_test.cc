@@ -353,6 +353,29 @@ TEST(Reconstruct, RejectedFocalLengthsAreNotConstantUnlessTheUserWantsIt) {
               Contains(HasSubstr("camera 1 are constant, but 4 of 5 pairs contradict")));
 }
 
+TEST(Reconstruct, MeasuredCamerasWithoutAPriorAreAWarning) {
+  SceneOptions options = SmallScene();
+  options.camera_model = CameraModel::kPinhole;
+  const SyntheticScene scene = MakeScene(options, 3);
+  Database database = MakeDatabase(scene);
+  for (auto [id, camera] : scene.cameras) {
+    camera.params[1] *= 1.001;  // fy
+    camera.has_prior_focal_length = false;
+    database.WriteCamera(camera);
+  }
+  const auto texts = [&](const ReconstructSettings& settings) {
+    std::string all;
+    for (const ResultWarning& warning : Reconstruct(database, settings).report.warnings) {
+      all += warning.what + "\n";
+    }
+    return all;
+  };
+  EXPECT_THAT(texts({}), HasSubstr("2 cameras look measured"));
+  ReconstructSettings settings;
+  settings.refine_intrinsics = true;
+  EXPECT_THAT(texts(settings), Not(HasSubstr("look measured")));
+}
+
 TEST(Reconstruct, GuessesThatAreConstantAreAWarning) {
   ReconstructSettings settings;
   settings.refine_intrinsics = false;
