@@ -32,7 +32,7 @@ void HandleStop(int signal) {
 }
 
 void HandleTimeIsUp(int) {
-  constexpr char kMessage[] = "error: stopped by the user; run again to continue\n";
+  constexpr char kMessage[] = "error: stopped by the user; run it again\n";
   [[maybe_unused]] const ssize_t ignored = write(STDERR_FILENO, kMessage, sizeof(kMessage) - 1);
   _exit(kExitNoUsableResult);
 }

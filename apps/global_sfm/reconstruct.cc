@@ -36,7 +36,8 @@ struct ReconstructFlags {
     v.String("output_path", output_path, "folder for the results, made if absent");
     v.String("input_path", input_path,
              "model to go on from, of this or another program, or folder of several: its poses "
-             "and cameras are refined, images that it lacks are registered; without, from nothing");
+             "and cameras are refined, and (reconstruct) images that it lacks registered; without, "
+             "reconstruct begins from nothing");
     v.Bool("overwrite", overwrite, "replace models in output_path that cairn did not write");
     v.Bool("refine_intrinsics", refine_intrinsics,
            "refine focal lengths and distortions; not given: 0 for cameras given by "

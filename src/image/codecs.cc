@@ -93,7 +93,8 @@ cv::Mat DecodeToMat(const std::string& path, std::string_view bytes, int flags) 
     ThrowIfOutOfMemory(exception);
     throw IoError(path, "cannot be decoded: " + exception.err);
   }
-  if (image.empty()) throw IoError(path, "cannot be decoded: a damaged image");
+  if (image.empty())
+    throw IoError(path, "cannot be decoded: a damaged image, or not of 8 or 16 bits");
   return image;
 }
 

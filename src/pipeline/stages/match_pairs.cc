@@ -23,7 +23,7 @@ struct MatchingWork {
   size_t num_present = 0;  // pairs that are matched already
   std::vector<image_pair_t> pairs;
   std::vector<JobRecord> new_jobs;  // images that take part for the first time
-  size_t num_left_out = 0;          // images without descriptors and without matches
+  int num_left_out = 0;             // images without descriptors and without matches
   int64_t max_bytes = 0;            // of a tile
 };
 
@@ -71,12 +71,21 @@ MatchingWork FindWork(const Database& database, std::vector<image_pair_t> wanted
   std::vector<image_pair_t> present;
   for (const auto& [pair, num] : database.ReadNumMatches()) present.push_back(pair);
   work.num_present = present.size();
-  const std::set<image_t> matched = ImagesOf(present);
+  std::set<image_t> matched = ImagesOf(present);
+  matched.merge(ImagesOf(database.ReadTwoViewGeometryPairIds()));
+  int num_closed = 0;
   std::map<image_t, std::string> names;
   for (const Image& image : database.ReadImages()) {
     const image_t id = image.image_id;
     names[id] = image.name;
-    work.num_left_out += work.num_descriptors.count(id) == 0 && matched.count(id) == 0;
+    if (work.num_descriptors.count(id) > 0) continue;
+    ++(matched.count(id) > 0 ? num_closed : work.num_left_out);
+  }
+  if (num_closed > 0 && !work.num_descriptors.empty()) {
+    stage.Warn(ResultWarning{std::to_string(num_closed) +
+                                 " images have matches, but no descriptors: others cannot be "
+                                 "matched with them",
+                             "write their descriptors, or begin with a new database"});
   }
   const MatchOrigins origins(database);
   const std::set<image_t>& unrecorded = origins.unrecorded();
@@ -162,7 +171,7 @@ StageReport MatchImagePairs(Database& database, const PairsToMatch& wanted,
     num_matches = MatchAll(database.path(), work, options, run, helpers);
   }
   if (work.num_left_out > 0) {
-    stage.Warn("images without features (in no pair): " + std::to_string(work.num_left_out));
+    stage.Warn("images without descriptors (in no pair): " + std::to_string(work.num_left_out));
   }
   const size_t num_pairs = database.ReadNumMatches().size();
   stage.Add("pairs", num_pairs);

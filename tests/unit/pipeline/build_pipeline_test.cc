@@ -322,6 +322,17 @@ TEST_F(BuildPipelineTest, PairsOfAnEarlierListAreVerifiedAgain) {
                           Field(&std::pair<image_pair_t, int>::first, ImagePairToPairId(1, 3))));
 }
 
+TEST_F(BuildPipelineTest, MatchesWithoutDescriptorsOfAnotherProgramAreNamed) {
+  RunBuildPipeline(Options("a.db"));
+  RunSql(folder_ / "a.db", "DELETE FROM cairn_jobs");
+  RunSql(folder_ / "a.db", "DELETE FROM cairn_stages");
+  RunSql(folder_ / "a.db", "DELETE FROM descriptors WHERE image_id = 1");
+  const BuildPipelineReport report = RunBuildPipeline(Options("a.db"));
+  std::string texts;
+  for (const ResultWarning& warning : report.run.warnings) texts += warning.what + "\n";
+  EXPECT_THAT(texts, HasSubstr("1 images have matches, but no descriptors"));
+}
+
 TEST_F(BuildPipelineTest, AListThatIsLeftOutIsMissed) {
   BuildPipelineOptions options = Options("a.db");
   options.inputs.pairs_path = folder_ / "pairs.txt";
