@@ -21,6 +21,8 @@ constexpr double kMaxLeverage = 0.8;
 constexpr double kMinSigmaPx = 0.05;
 // Median of a length whose two coordinates are standard normal.
 constexpr double kRayleighMedian = 1.17741;
+// And of one coordinate.
+constexpr double kNormalMedian = 0.67449;
 
 struct Sample {
   double scale;
@@ -44,8 +46,11 @@ void AddSamples(const Point3D& point, const ViewTable& views, const KeypointScal
     // ones.
     const double leverage = 1.5 * precision(view, element.point2D) / total;
     if (leverage > kMaxLeverage) continue;
-    samples.push_back(
-        {scales.at(element.image_id)[element.point2D], error_px / std::sqrt(1.0 - leverage)});
+    // Errors of two views are along one line.
+    const double dimension =
+        point.track.size() == 2 ? kRayleighMedian / (std::sqrt(2.0) * kNormalMedian) : 1;
+    samples.push_back({scales.at(element.image_id)[element.point2D],
+                       dimension * error_px / std::sqrt(1.0 - leverage)});
   }
 }
 

@@ -1,6 +1,7 @@
 #include "bundle_adjustment/keypoint_noise.h"
 
 #include <cmath>
+#include <map>
 
 #include "cairn/base/rng.h"
 #include "cairn/bundle_adjustment/bundle_adjustment.h"
@@ -54,6 +55,28 @@ TEST(KeypointNoise, IsFoundFromTheErrorsAfterAnAdjustment) {
   }
   EXPECT_NEAR(noise.floor_px, kFloorPx, 0.05);
   EXPECT_NEAR(noise.per_scale, kPerScale, 0.015);
+}
+
+// Of two views, a point leaves one of four coordinates of errors.
+TEST(KeypointNoise, IsFoundFromPointsOfTwoViews) {
+  NoisyScene scene = MakeNoisyScene(3000);
+  for (auto& [id, scales] : scene.scales) scales.assign(scales.size(), 1.0f);
+  Rng rng(1);
+  const Reconstruction truth = MakeSyntheticScene({.num_images = 8, .num_points = 3000}).truth;
+  for (auto& [id, image] : scene.model.images) {
+    for (size_t k = 0; k < image.points2D.size(); ++k) {
+      image.points2D[k] = truth.images.at(id).points2D[k] + GaussianVector<2>(rng);
+    }
+  }
+  std::map<point3D_t, Track> tracks;
+  for (const auto& [id, point] : scene.model.points3D) tracks[id] = point.track;
+  for (const auto& [id, track] : tracks) {
+    for (size_t k = 2; k < track.size(); ++k) scene.model.RemoveObservation(id, track[k]);
+  }
+  BundleAdjustmentScope points_alone;
+  points_alone.rotations = points_alone.positions = false;
+  AdjustBundle(scene.model, points_alone, {}, kOneThread);
+  EXPECT_NEAR(EstimateKeypointNoise(scene.model, scene.scales).SigmaPx(1), 1.0, 0.05);
 }
 
 // Not all of very many points are looked at.
