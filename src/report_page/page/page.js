@@ -85,7 +85,7 @@ const STATES = {
   triplet_inconsistent: ["loops of three do not close", "#e08e1b"],
   rotation_inconsistent: ["disagrees with the rotations", "#c8372d"],
   direction_inconsistent: ["disagrees with the positions", "#c04a9a"],
-  other_component: ["in no reconstructed part", "#7fb2d6"],
+  other_component: ["not within one model", "#7fb2d6"],
   ambiguous: ["duplicate structure", "#7a3fa0"],
   model_inconsistent: ["the model contradicts it", "#7c1f1f"],
 };
