@@ -58,7 +58,8 @@ struct RotationAveragingOptions {
     v.Double("max_error_deg", max_error_deg, {0, 180},
              "an edge that ends with a larger residual is reported as rejected, degrees");
     v.Double("weight_power", weight_power, {0, 2},
-             "an edge counts as its weight to this power; 0: all alike");
+             "an edge counts as its weight to this power; 0: all alike (reconstruct tries 1 and 0, "
+             "too)");
   }
 };
 
