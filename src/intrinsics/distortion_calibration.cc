@@ -203,7 +203,6 @@ std::vector<NormalEquations<2>> Problem::Evaluate(Distortions& at) {
   std::vector<NormalEquations<2>> evaluations(terms_.size());
   ParallelFor(num_threads_, std::ssize(terms_), [&](int64_t i) {
     Term& term = terms_[i];
-    if (!term.tells_focal) return;
     const double scale_px = kNoiseScale * term.sigma_px;
     SetDistortion(term, At(at.x, term.variable1), At(at.x, term.variable2));
     term.pair.Refine(scale_px, kRefineIterations, &at.F[i]);
@@ -307,6 +306,7 @@ DistortionCalibrationReport Problem::TakeSignificant(Distortions at) {
   std::vector<FocalPair> pairs(terms_.size());
   ParallelFor(num_threads_, std::ssize(terms_), [&](int64_t i) {
     Term& term = terms_[i];
+    if (!term.tells_focal) return;
     const double scale_px = kNoiseScale * term.sigma_px;
     SetDistortion(term, At(at.x, term.variable1), At(at.x, term.variable2));
     term.pair.Refine(scale_px, kJudgeIterations, &at.F[i]);
