@@ -39,19 +39,23 @@ bool HasOtherKeypoints(const RegisteredImage& image, const std::vector<Eigen::Ve
   return false;
 }
 
-// Images of the models with other keypoints than in the scene.
-std::set<image_t> FindOtherKeypoints(std::span<const Reconstruction> models,
-                                     const std::map<std::string, image_t>& ids,
-                                     const SceneData& scene) {
-  std::set<image_t> changed;
+// Images of the models that the scene has, and those of them with other keypoints there.
+struct KnownImages {
+  std::set<image_t> all, changed;
+};
+
+KnownImages FindKnown(std::span<const Reconstruction> models,
+                      const std::map<std::string, image_t>& ids, const SceneData& scene) {
+  KnownImages known;
   for (const Reconstruction& model : models) {
     for (const auto& [model_id, image] : model.images) {
       const auto id = ids.find(image.image.name);
       if (id == ids.end() || scene.pixels.count(id->second) == 0) continue;
-      if (HasOtherKeypoints(image, scene.pixels.at(id->second))) changed.insert(id->second);
+      known.all.insert(id->second);
+      if (HasOtherKeypoints(image, scene.pixels.at(id->second))) known.changed.insert(id->second);
     }
   }
-  return changed;
+  return known;
 }
 
 // The images of a model that the scene has and no model before, under their ids in the scene.
@@ -172,9 +176,9 @@ std::vector<Reconstruction> AdoptModels(std::span<const Reconstruction> models, 
   for (const auto& [id, image] : scene.images) ids[image.name] = id;
   LeftOut left_out;
   std::set<image_t> taken;
-  const std::set<image_t> changed = FindOtherKeypoints(models, ids, scene);
+  const auto [known, changed] = FindKnown(models, ids, scene);
   // Of few, the photographs were replaced; of most, features were found anew.
-  const bool places_changed = options.register_left_out && 2 * changed.size() < scene.pixels.size();
+  const bool places_changed = options.register_left_out && 2 * changed.size() < known.size();
   CameraAdopter adopter(scene);
   std::vector<Reconstruction> adopted;
   for (const Reconstruction* model : by_size) {

@@ -107,6 +107,9 @@ TEST_F(EarlierModelsTest, ReplacedPhotographsAreRegisteredAnew) {
     image.point3D_ids.pop_back();
   }
   EXPECT_EQ(Value(*FindStage(Continue(database_, {model_}).report, "input"), "images"), 9);
+  // However many photographs the database has by now.
+  for (const image_t id : {3, 5, 6, 7, 9}) model_.images.erase(id);
+  EXPECT_EQ(Value(*FindStage(Continue(database_, {model_}).report, "input"), "images"), 4);
 }
 
 TEST_F(EarlierModelsTest, AreRefinedAloneWhereNothingIsRegistered) {
