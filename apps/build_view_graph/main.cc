@@ -34,8 +34,7 @@ void WarnOfUnused(const Command& command, BuildPipelineOptions options) {
     }
   });
   if (unused.empty()) return;
-  spdlog::warn("nothing was computed with {}: the database has what other programs computed",
-               unused);
+  spdlog::warn("nothing was computed with {}: what they are for came from elsewhere", unused);
 }
 
 int Build(const BuildPipelineOptions& options, const RunFlags& flags,

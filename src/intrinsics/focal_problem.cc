@@ -39,7 +39,10 @@ double Squared(const Eigen::Vector2d& r, const Eigen::Matrix2d& information) {
   return r.dot(information * r);
 }
 
-KruppaEquations EquationsAt(const FocalTerm& term, const Eigen::Matrix<double, 6, 1>& x) {
+// Log focal length and principal point of both cameras.
+using TermState = Eigen::Matrix<double, 6, 1>;
+
+KruppaEquations EquationsAt(const FocalTerm& term, const TermState& x) {
   Eigen::Vector4d points;
   points << term.principal_point_sigmas[0] * x.segment<2>(1),
       term.principal_point_sigmas[1] * x.segment<2>(4);
@@ -69,7 +72,7 @@ Eigen::Matrix2d Covariance(const FocalTerm& term, const KruppaEquations& equatio
   return covariance;
 }
 
-Eigen::Vector2d WhitenedAt(const FocalTerm& term, const Eigen::Matrix<double, 6, 1>& x) {
+Eigen::Vector2d WhitenedAt(const FocalTerm& term, const TermState& x) {
   const KruppaEquations equations = EquationsAt(term, x);
   return Covariance(term, equations).llt().matrixL().solve(equations.Residual());
 }
@@ -81,13 +84,13 @@ struct LinearResidual {
 
 // WhitenedAt, and its changes with the term's share of the state, by differences. One camera's, of
 // a term with itself, are in the first columns.
-LinearResidual LinearizeAt(const FocalTerm& term, const Eigen::Matrix<double, 6, 1>& x) {
+LinearResidual LinearizeAt(const FocalTerm& term, const TermState& x) {
   constexpr double kStep = 1e-6;
   LinearResidual linear = {WhitenedAt(term, x), Eigen::Matrix<double, 2, 6>::Zero()};
   const bool is_one_camera = term.camera1 == term.camera2;
   for (int k = 0; k < (is_one_camera ? 3 : 6); ++k) {
     if ((k < 3 ? term.camera1 : term.camera2) < 0) continue;
-    Eigen::Matrix<double, 6, 1> moved = x;
+    TermState moved = x;
     moved[k] += kStep;
     if (is_one_camera) moved[k + 3] += kStep;
     linear.by.col(k) = (WhitenedAt(term, moved) - linear.value) / kStep;

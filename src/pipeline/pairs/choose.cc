@@ -115,26 +115,19 @@ double LatestYield(const std::vector<PairChoiceRecord>& choices, const PairEvide
   return static_cast<double>(num_verified) / num;
 }
 
-}  // namespace
-
-std::string PairStageOptions(const PairChoosing& choosing) {
-  return "pairs = \"" + choosing.ways + "\"\n" + DumpQualified("pair_selection", choosing.options);
-}
-
-namespace {
-
-// Images whose pairs were not chosen yet with these options; by these positions, where a file has
-// them. (The file may be left out where it has nothing more to tell.)
-struct Choosing {
-  Choosing(const PairChoosing& choosing, bool is_exhaustive)
+// By what an image's pairs were chosen, as its record has it. A file of positions may be left out
+// where it has nothing more to tell.
+struct ChoiceRecord {
+  ChoiceRecord(const PairChoosing& choosing, bool is_exhaustive)
       : options_hash(Hasher().Add(PairStageOptions(choosing)).Add(is_exhaustive).Digest()),
         positions(choosing.gps_path.empty() ? "" : HashToHex(HashFile(choosing.gps_path))) {}
-  bool IsDone(const JobRecord& job) const {
-    return job.input_hash == options_hash && (positions.empty() || job.note == positions);
-  }
+
+  // Those of the images whose pairs are to be chosen.
   std::set<image_t> Fresh(const Database& database, std::set<image_t> images) const {
     for (const JobRecord& job : database.ReadJobs(kStagePairs)) {
-      if (IsDone(job)) images.erase(static_cast<image_t>(job.item));
+      const bool is_done =
+          job.input_hash == options_hash && (positions.empty() || job.note == positions);
+      if (is_done) images.erase(static_cast<image_t>(job.item));
     }
     return images;
   }
@@ -145,6 +138,10 @@ struct Choosing {
 
 }  // namespace
 
+std::string PairStageOptions(const PairChoosing& choosing) {
+  return "pairs = \"" + choosing.ways + "\"\n" + DumpQualified("pair_selection", choosing.options);
+}
+
 void CheckPairWays(const Database& database, const PairChoosing& choosing, const RunContext& run) {
   const std::vector<PairWay> ways = ParsePairWays(choosing.ways);
   const bool needs_facts = NeedsTimes(ways, choosing.options) || Contains(ways, PairWay::kSpatial);
@@ -152,7 +149,8 @@ void CheckPairWays(const Database& database, const PairChoosing& choosing, const
   const std::vector<Image> images = database.ReadImages();
   std::set<image_t> ids;
   for (const Image& image : images) ids.insert(image.image_id);
-  if (Choosing(choosing, Contains(ways, PairWay::kExhaustive)).Fresh(database, ids).empty()) return;
+  const ChoiceRecord record(choosing, Contains(ways, PairWay::kExhaustive));
+  if (record.Fresh(database, std::move(ids)).empty()) return;
   CheckFacts(ReadPhotoFacts(images, choosing.image_path, choosing.gps_path, run.num_threads),
              images.size(), ways, choosing.options);
 }
@@ -292,10 +290,10 @@ void PairChooser::WriteStage(bool is_complete) {
 
 StageReport PairChooser::ChooseFirst() {
   Stage stage(run_.monitor, kStagePairs);
-  const Choosing choosing(choosing_, IsExhaustive());
+  const ChoiceRecord record(choosing_, IsExhaustive());
   std::set<image_t> fresh;
   for (const auto& [id, num] : num_descriptors_) fresh.insert(id);
-  fresh = choosing.Fresh(database_, std::move(fresh));
+  fresh = record.Fresh(database_, std::move(fresh));
   size_t num_new = 0;
   if (!fresh.empty()) {
     Choices choices = FirstChoices(stage);
@@ -310,7 +308,7 @@ StageReport PairChooser::ChooseFirst() {
     Database::Transaction transaction(database_);
     num_new = Write(choices, LastRound(database_.ReadPairChoices()) + 1).size();
     for (const image_t id : fresh) {
-      database_.WriteJob(kStagePairs, {id, choosing.options_hash, choosing.positions});
+      database_.WriteJob(kStagePairs, {id, record.options_hash, record.positions});
     }
     WriteStage(IsExhaustive());
     transaction.Commit();

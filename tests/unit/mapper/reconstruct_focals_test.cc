@@ -330,17 +330,23 @@ TEST(Reconstruct, RejectedFocalLengthsAreGuesses) {
   ExpectFocals(result.models.front(), scene, 1.0, 0.01);
 }
 
-// A camera that looks measured is constant, but not at a focal length that its pairs contradict.
-TEST(Reconstruct, RejectedFocalLengthsAreNotConstantUnlessTheUserWantsIt) {
+// Its two cameras look measured.
+Database MakeMeasuredDatabase(bool has_prior) {
   SceneOptions options = SmallScene();
   options.camera_model = CameraModel::kPinhole;
   const SyntheticScene scene = MakeScene(options, 3);
   Database database = MakeDatabase(scene);
   for (auto [id, camera] : scene.cameras) {
     camera.params[1] *= 1.001;  // fy
-    camera.has_prior_focal_length = true;
+    camera.has_prior_focal_length = has_prior;
     database.WriteCamera(camera);
   }
+  return database;
+}
+
+// A camera that looks measured is constant, but not at a focal length that its pairs contradict.
+TEST(Reconstruct, RejectedFocalLengthsAreNotConstantUnlessTheUserWantsIt) {
+  Database database = MakeMeasuredDatabase(true);
   database.WriteCameraFocals({{1, {true, 5, 4}}});
   const RunReport report = Reconstruct(database).report;
   EXPECT_EQ(Value(*FindStage(report, "read"), "cameras_constant"), 1);
@@ -354,15 +360,7 @@ TEST(Reconstruct, RejectedFocalLengthsAreNotConstantUnlessTheUserWantsIt) {
 }
 
 TEST(Reconstruct, MeasuredCamerasWithoutAPriorAreAWarning) {
-  SceneOptions options = SmallScene();
-  options.camera_model = CameraModel::kPinhole;
-  const SyntheticScene scene = MakeScene(options, 3);
-  Database database = MakeDatabase(scene);
-  for (auto [id, camera] : scene.cameras) {
-    camera.params[1] *= 1.001;  // fy
-    camera.has_prior_focal_length = false;
-    database.WriteCamera(camera);
-  }
+  Database database = MakeMeasuredDatabase(false);
   const auto texts = [&](const ReconstructSettings& settings) {
     std::string all;
     for (const ResultWarning& warning : Reconstruct(database, settings).report.warnings) {
