@@ -1,6 +1,5 @@
 #include "cairn/depth/depth_network.h"
 
-#include <opencv2/core/utils/logger.hpp>
 #include <opencv2/dnn.hpp>
 #include <opencv2/imgproc.hpp>
 
@@ -11,13 +10,6 @@
 
 namespace cairn {
 namespace {
-
-// OpenCV writes to the terminal when a model is not to its liking; the exception says it as well.
-// (The level is the process's: once, since networks run side by side.)
-void QuietOpenCv() {
-  [[maybe_unused]] static const auto before =
-      cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);
-}
 
 void CheckNormalization(const DepthOptions& options) {
   if (options.mean.size() != 3) throw ConfigError("depth.mean", "needs three values");
@@ -60,10 +52,9 @@ DepthNetwork::DepthNetwork(const std::string& path, const DepthOptions& options)
   ValidateOptions(options, "depth");
   CheckNormalization(options);
   InputFile{path};  // throws where it cannot be read
-  KeepOpenCvToTheCallersThread();
+  PrepareOpenCv();
   impl_->path = path;
   impl_->options = options;
-  QuietOpenCv();
   try {
     impl_->net = cv::dnn::readNetFromONNX(path);
   } catch (const cv::Exception& error) {

@@ -27,6 +27,10 @@ Bitmap ReadBitmap(const std::string& path, BitmapColor color) {
   return DecodeImage(path, ReadImageFile(path), color);
 }
 
+std::optional<Bitmap> ReadOpacity(const std::string& path) {
+  return DecodeOpacity(path, ReadImageFile(path));
+}
+
 Bitmap ReadReducedBitmap(const std::string& path, BitmapColor color, int min_longer_side) {
   const std::string bytes = ReadImageFile(path);
   const ImageSize size = InspectContainer(bytes).size.value_or(ImageSize{});

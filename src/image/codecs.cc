@@ -1,7 +1,9 @@
 #include "image/codecs.h"
 
 #include <algorithm>
+#include <bit>
 #include <cctype>
+#include <cmath>
 #include <iterator>
 #include <limits>
 #include <opencv2/core/mat.hpp>
@@ -27,6 +29,14 @@ void SwapRedBlue(const cv::Mat& from, cv::Mat to) {
 bool IsAnimatedWebP(std::string_view bytes) {
   return bytes.size() > 20 && bytes.starts_with("RIFF") && bytes.substr(8, 8) == "WEBPVP8X" &&
          (bytes[20] & 2) != 0;
+}
+
+// Has a PNG or WebP file a channel of opacity? (ISO 15948, 11.2.2, the color type; RFC 9649, 2.7.)
+bool MayHaveOpacity(std::string_view bytes) {
+  if (bytes.size() < 26) return false;
+  if (bytes.starts_with("\x89PNG")) return bytes[25] == 4 || bytes[25] == 6;
+  if (!bytes.starts_with("RIFF") || bytes.substr(8, 4) != "WEBP") return false;
+  return bytes.substr(12, 4) == "VP8L" || (bytes.substr(12, 4) == "VP8X" && (bytes[20] & 16) != 0);
 }
 
 // Is it of a format that is read, by the first bytes by which OpenCV's decoder takes a file? OpenCV
@@ -62,11 +72,26 @@ std::string_view UnreadFormat(std::string_view bytes) {
 // memory is missing, and OpenBLAS's threads take what is left until each has its 128 MiB. Throws
 // std::bad_alloc where that much is not there.
 void PrepareCodecs() {
-  KeepOpenCvToTheCallersThread();
+  PrepareOpenCv();
   [[maybe_unused]] static const bool are_prepared = [] {
     RequireMemory(192 << 20);
     return cv::haveImageWriter(".png");
   }();
+}
+
+// Cameras of 10 to 14 bits leave the upper bits of 16 empty: of those that an image uses, the eight
+// uppermost.
+cv::Mat EightBits(const std::string& path, const cv::Mat& image) {
+  if (image.depth() == CV_8U) return image;
+  if (image.depth() != CV_16U) throw IoError(path, "cannot be decoded: not of 8 or 16 bits");
+  double largest = 0;
+  cv::minMaxIdx(image.reshape(1), nullptr, &largest);
+  const int num_bits =
+      std::max(8, static_cast<int>(std::bit_width(static_cast<unsigned>(largest))));
+  cv::Mat shifted;
+  cv::bitwise_and(image, cv::Scalar::all((1 << num_bits) - (1 << (num_bits - 8))), shifted);
+  shifted.convertTo(shifted, CV_8U, std::ldexp(1.0, 8 - num_bits));
+  return shifted;
 }
 
 }  // namespace
@@ -81,8 +106,9 @@ cv::Mat DecodeToMat(const std::string& path, std::string_view bytes, int flags) 
     throw IoError(path, format.empty() ? "cannot be decoded: not an image, or a damaged one"
                                        : std::string(format) + " is not read");
   }
-  const std::string essential = EssentialPngChunks(bytes);
+  const std::string essential = EssentialPngChunks(bytes), upright = UprightTiff(bytes);
   if (!essential.empty()) bytes = essential;
+  if (!upright.empty()) bytes = upright;
   // OpenCV wants a mutable pointer but only reads.
   const cv::Mat row(1, static_cast<int>(bytes.size()), CV_8UC1, const_cast<char*>(bytes.data()));
   cv::Mat image;
@@ -104,11 +130,24 @@ Bitmap DecodeImage(const std::string& path, std::string_view bytes, BitmapColor 
   if (reduction == 2) flags |= cv::IMREAD_REDUCED_GRAYSCALE_2;
   if (reduction == 4) flags |= cv::IMREAD_REDUCED_GRAYSCALE_4;
   if (reduction == 8) flags |= cv::IMREAD_REDUCED_GRAYSCALE_8;
-  const cv::Mat image = DecodeToMat(path, bytes, flags | cv::IMREAD_IGNORE_ORIENTATION);
+  flags |= cv::IMREAD_IGNORE_ORIENTATION | cv::IMREAD_ANYDEPTH;
+  const cv::Mat image = EightBits(path, DecodeToMat(path, bytes, flags));
   Bitmap bitmap{image.cols, image.rows, image.channels(), {}};
   bitmap.data.resize(image.total() * image.channels());
   SwapRedBlue(image, View(bitmap));
   return bitmap;
+}
+
+std::optional<Bitmap> DecodeOpacity(const std::string& path, std::string_view bytes) {
+  if (!MayHaveOpacity(bytes)) return std::nullopt;
+  const cv::Mat image = EightBits(path, DecodeToMat(path, bytes, cv::IMREAD_UNCHANGED));
+  if (image.channels() != 4) return std::nullopt;
+  Bitmap opacity{image.cols, image.rows, 1, {}};
+  opacity.data.resize(image.total());
+  cv::Mat to = View(opacity);
+  constexpr int kAlpha[] = {3, 0};
+  cv::mixChannels(&image, 1, &to, 1, kAlpha, 1);
+  return opacity;
 }
 
 std::vector<uint8_t> EncodeImage(const std::string& path, const std::string& extension,

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -13,6 +14,8 @@ namespace cairn {
 // reduction: 1, or 2, 4 or 8, by which both sides are divided (at once, in a JPEG).
 Bitmap DecodeImage(const std::string& path, std::string_view bytes, BitmapColor color,
                    int reduction = 1);
+// As ReadOpacity.
+std::optional<Bitmap> DecodeOpacity(const std::string& path, std::string_view bytes);
 // extension: ".png", ... in lower case.
 std::vector<uint8_t> EncodeImage(const std::string& path, const std::string& extension,
                                  const Bitmap& bitmap, int jpeg_quality);

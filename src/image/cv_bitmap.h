@@ -2,6 +2,7 @@
 
 #include <new>
 #include <opencv2/core.hpp>
+#include <opencv2/core/utils/logger.hpp>
 #include <string>
 #include <string_view>
 
@@ -14,10 +15,12 @@ inline void ThrowIfOutOfMemory(const cv::Exception& exception) {
   if (exception.code == cv::Error::StsNoMem) throw std::bad_alloc();
 }
 
-// Before each call of OpenCV that may use threads: callers have an image a thread, and OpenCV would
-// add its own to each. Once only: setNumThreads crashes while another thread is inside OpenCV.
-inline void KeepOpenCvToTheCallersThread() {
-  [[maybe_unused]] static const bool is_set = (cv::setNumThreads(1), true);
+// Before each call of OpenCV that may use threads or write to the terminal: callers have an image a
+// thread, and OpenCV would add its own to each; its exceptions say what is wrong. Once only:
+// setNumThreads crashes while another thread is inside OpenCV.
+inline void PrepareOpenCv() {
+  [[maybe_unused]] static const auto before =
+      (cv::setNumThreads(1), cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT));
 }
 
 // OpenCV's view of a bitmap's pixels (channels in our order).

@@ -109,20 +109,40 @@ double SensorDiagonalPx(int width, int height) {
   return std::hypot(std::max(longer, 4.0 / 3.0 * shorter), std::max(shorter, 2.0 / 3.0 * longer));
 }
 
-// As ReadExif says, without the check of what comes out.
-std::optional<double> FocalPx(const Exiv2::ExifData& data, const ExifInfo& camera, int width,
-                              int height) {
-  if (const auto f35 = Positive(data, "Exif.Photo.FocalLengthIn35mmFilm")) {
-    return *f35 / kFilmDiagonalMm * std::hypot(width, height);
-  }
+// Programs that resize a photograph may write its new size, but not its new resolution: a sensor
+// that differs from the known one by this factor is not that of the photograph.
+constexpr double kMaxSensorRatio = 1.3;
+
+// By what EXIF says of the sensor, and by what is known of the camera.
+std::optional<double> FocalPxBySensor(const Exiv2::ExifData& data, const ExifInfo& camera,
+                                      int width, int height) {
   const auto focal_mm = Positive(data, "Exif.Photo.FocalLength");
   if (!focal_mm) return std::nullopt;
+  std::optional<double> told, known;
   if (const auto sensor_mm = SensorLongSideMm(data)) {
-    return *focal_mm / *sensor_mm * std::max(width, height);
+    told = *focal_mm / *sensor_mm * std::max(width, height);
   }
-  const auto crop_factor = CropFactor(camera.camera_make, camera.camera_model);
-  if (!crop_factor) return std::nullopt;
-  return *focal_mm * *crop_factor / kFilmDiagonalMm * SensorDiagonalPx(width, height);
+  if (const auto crop_factor = CropFactor(camera.camera_make, camera.camera_model)) {
+    known = *focal_mm * *crop_factor / kFilmDiagonalMm * SensorDiagonalPx(width, height);
+  }
+  const bool differ =
+      told && known && std::abs(std::log(*told / *known)) > std::log(kMaxSensorRatio);
+  return told && !differ ? told : known;
+}
+
+// As ReadExif says.
+std::optional<double> FocalPx(const Exiv2::ExifData& data, const ExifInfo& camera, int width,
+                              int height) {
+  const auto is_sensible = [&](const std::optional<double>& focal) {
+    const double relative = focal.value_or(0) / std::max(width, height);
+    return relative >= kMinFocalFactor && relative <= kMaxFocalFactor;
+  };
+  if (const auto f35 = Positive(data, "Exif.Photo.FocalLengthIn35mmFilm")) {
+    const std::optional<double> focal = *f35 / kFilmDiagonalMm * std::hypot(width, height);
+    if (is_sensible(focal)) return focal;
+  }
+  const std::optional<double> focal = FocalPxBySensor(data, camera, width, height);
+  return is_sensible(focal) ? focal : std::nullopt;
 }
 
 // "2026:11:22 01:16:43" and the fraction of a second, digits.
@@ -140,6 +160,18 @@ std::optional<double> TakenAt(const std::string& text, const std::string& fracti
   const bool is_number = fraction.find_first_not_of("0123456789") == std::string::npos;
   if (is_number && !fraction.empty()) seconds += std::stod("0." + fraction);
   return seconds;
+}
+
+// The first time that is there: when it was taken, digitized, last changed.
+std::optional<double> TakenAt(const Exiv2::ExifData& data) {
+  constexpr const char* kTimes[][2] = {
+      {"Exif.Photo.DateTimeOriginal", "Exif.Photo.SubSecTimeOriginal"},
+      {"Exif.Photo.DateTimeDigitized", "Exif.Photo.SubSecTimeDigitized"},
+      {"Exif.Image.DateTime", "Exif.Photo.SubSecTime"}};
+  for (const auto& [time, fraction] : kTimes) {
+    if (const auto taken_at_s = TakenAt(Text(data, time), Text(data, fraction))) return taken_at_s;
+  }
+  return std::nullopt;
 }
 
 // Degrees, minutes and seconds as one number of degrees.
@@ -205,13 +237,9 @@ ExifInfo ReadExif(const std::string& path, int width, int height) {
     const Exiv2::ExifData& data = image->exifData();
     info.camera_make = Text(data, "Exif.Image.Make");
     info.camera_model = Text(data, "Exif.Image.Model");
-    info.taken_at_s = TakenAt(Text(data, "Exif.Photo.DateTimeOriginal"),
-                              Text(data, "Exif.Photo.SubSecTimeOriginal"));
+    info.taken_at_s = TakenAt(data);
     info.gps = Gps(data);
     info.focal_px = FocalPx(data, info, width, height);
-    const double relative = info.focal_px.value_or(1.0) / std::max(width, height);
-    if (info.focal_px && (relative < kMinFocalFactor || relative > kMaxFocalFactor))
-      info.focal_px.reset();
   } catch (const std::bad_alloc&) {
     throw;
   } catch (const std::exception&) {

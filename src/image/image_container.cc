@@ -102,6 +102,17 @@ bool ForEachChunk(std::string_view bytes, const Visit& visit) {
   return false;
 }
 
+// Of a TIFF file, in its order of bytes; 0 beyond the end.
+uint64_t TiffNumber(std::string_view bytes, uint64_t position, size_t num_bytes) {
+  if (position > bytes.size() || num_bytes > bytes.size() - position) return 0;
+  uint64_t value = 0;
+  for (size_t i = 0; i < num_bytes; ++i) {
+    const size_t at = bytes.starts_with('M') ? i : num_bytes - 1 - i;
+    value = value << 8 | static_cast<uint8_t>(bytes[position + at]);
+  }
+  return value;
+}
+
 ContainerInfo InspectPng(std::string_view bytes) {
   ContainerInfo info{std::nullopt, false};
   const bool has_end = ForEachChunk(bytes, [&](std::string_view type, std::string_view chunk) {
@@ -119,6 +130,29 @@ ContainerInfo InspectContainer(std::string_view bytes) {
   if (bytes.starts_with("\xFF\xD8\xFF")) return InspectJpeg(bytes);
   if (bytes.starts_with(kPngSignature)) return InspectPng(bytes);
   return {};
+}
+
+std::string UprightTiff(std::string_view bytes) {
+  if (!bytes.starts_with("II") && !bytes.starts_with("MM")) return "";
+  const uint64_t version = TiffNumber(bytes, 2, 2);
+  if (version != 42 && version != 43) return "";
+  // Entries: tag, type, a count and a value of as many bytes as offsets have.
+  const size_t offset_size = version == 43 ? 8 : 4;
+  const size_t count_size = version == 43 ? 8 : 2;
+  const uint64_t directory = TiffNumber(bytes, version == 43 ? 8 : 4, offset_size);
+  const uint64_t num_entries = TiffNumber(bytes, directory, count_size);
+  for (uint64_t k = 0; k < num_entries; ++k) {
+    const uint64_t entry = directory + count_size + k * (4 + 2 * offset_size);
+    const uint64_t value = entry + 4 + offset_size;
+    if (value < directory || value + 2 > bytes.size()) return "";
+    constexpr uint64_t kOrientation = 274;
+    if (TiffNumber(bytes, entry, 2) != kOrientation) continue;
+    std::string upright(bytes);
+    upright[value] = bytes.starts_with('M') ? 0 : 1;
+    upright[value + 1] = bytes.starts_with('M') ? 1 : 0;
+    return upright;
+  }
+  return "";
 }
 
 std::string EssentialPngChunks(std::string_view bytes) {

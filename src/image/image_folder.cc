@@ -30,7 +30,7 @@ bool HasExtension(const fs::path& path, Extensions extensions) {
 }
 
 // `open_folders` holds the real paths of the folders on the way down: a link back to one of them
-// is a cycle.
+// is a cycle. It begins with folders that are left out.
 void ListInto(const fs::path& folder, const std::string& prefix, Extensions extensions,
               std::set<fs::path>& open_folders, std::vector<std::string>& names) {
   std::error_code error;
@@ -53,10 +53,16 @@ void ListInto(const fs::path& folder, const std::string& prefix, Extensions exte
   open_folders.erase(real_path);
 }
 
-std::vector<std::string> List(const std::string& folder, Extensions extensions) {
+std::vector<std::string> List(const std::string& folder, std::span<const std::string> left_out,
+                              Extensions extensions) {
   CheckImageFolder(folder);
   std::vector<std::string> names;
   std::set<fs::path> open_folders;
+  for (const std::string& other : left_out) {
+    std::error_code error;
+    const fs::path real_path = fs::canonical(other, error);
+    if (!error && real_path != fs::canonical(folder)) open_folders.insert(real_path);
+  }
   ListInto(folder, "", extensions, open_folders, names);
   std::sort(names.begin(), names.end());
   return names;
@@ -70,10 +76,14 @@ void CheckImageFolder(const std::string& folder) {
   if (!fs::is_directory(folder, error)) throw IoError(folder, "is not a folder");
 }
 
-std::vector<std::string> ListImages(const std::string& folder) { return List(folder, kRead); }
+std::vector<std::string> ListImages(const std::string& folder,
+                                    std::span<const std::string> left_out) {
+  return List(folder, left_out, kRead);
+}
 
-std::vector<std::string> ListUnreadImages(const std::string& folder) {
-  return List(folder, kUnread);
+std::vector<std::string> ListUnreadImages(const std::string& folder,
+                                          std::span<const std::string> left_out) {
+  return List(folder, left_out, kUnread);
 }
 
 }  // namespace cairn

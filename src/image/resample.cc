@@ -106,7 +106,7 @@ Camera ResizedPinhole(const Camera& camera, int width, int height) {
 Bitmap ReducedBitmap(const Bitmap& bitmap, int width, int height) {
   Bitmap reduced = Blank(width, height, bitmap.channels);
   cv::Mat view = View(reduced);
-  KeepOpenCvToTheCallersThread();
+  PrepareOpenCv();
   try {
     cv::resize(View(bitmap), view, view.size(), 0, 0, cv::INTER_AREA);
   } catch (const cv::Exception& exception) {
@@ -127,7 +127,7 @@ Bitmap ResampleBitmap(const Bitmap& bitmap, const Camera& source, const Camera& 
   for (const Camera* camera : {&source, &target}) {
     CAIRN_CHECK_LE(std::max(camera->width, camera->height), kMaxResampledSide);
   }
-  KeepOpenCvToTheCallersThread();
+  PrepareOpenCv();
   try {
     Bitmap out = Blank(fine.width, fine.height, bitmap.channels);
     for (int y = 0; y < fine.height; y += kBandRows) {

@@ -111,6 +111,7 @@ BuiltModel BuildFrom(StageContext& context, std::span<const image_t> component,
   built.evidence = EvidenceFor(context, model, built.graph);
   if (!CheckModel(context, component.size(), built.evidence, model)) return built;
   built.model = std::move(model);
+  built.min_angle_deg = context.min_angle_deg;
   return built;
 }
 
@@ -159,6 +160,7 @@ BuiltModel BuildBest(StageContext& context, std::span<const image_t> component,
 // Intrinsics and places of the model that was chosen. False: there is not enough memory, and the
 // report has the failure.
 bool ImproveBest(StageContext& context, BuiltModel& best) {
+  context.min_angle_deg = best.min_angle_deg;
   if (ChooseLensModels(context, best)) {
     if (!GrowModel(context, best.graph, *best.model)) return false;
     best.evidence = EvidenceFor(context, *best.model, best.graph);

@@ -154,6 +154,22 @@ std::optional<FreerModel> FindPrincipalPoints(StageContext& context, const ViewG
   return found;
 }
 
+// Moves a principal point from where bundle adjustment finds it to its posterior mean between that
+// and the image center, the mean of its prior. Its standard error is told by the gain, which grows
+// with the square of the way: its relative error is half of that of the gain, and twice the
+// variance of this is taken, since photographs in a row are not independent.
+void TakePosterior(const StageContext& context, const Camera& before, double deviate,
+                   Camera& found) {
+  const double prior_px = context.settings.focal_calibration.principal_point_sigma *
+                          std::max(found.width, found.height);
+  const Eigen::Vector2d way = found.PrincipalPoint() - before.PrincipalPoint();
+  const double share = 1 / (1 + way.squaredNorm() / (2 * std::pow(deviate * prior_px, 2)));
+  const std::vector<int> indices = found.PrincipalPointIndices();
+  for (int i = 0; i < 2; ++i) {
+    found.params[indices[i]] = before.PrincipalPoint()[i] + share * way[i];
+  }
+}
+
 std::string LensText(const Camera& was, const Camera& is, double deviate) {
   const auto text = [](const Camera& camera) {
     return std::string(CameraModelName(camera.model)) +
@@ -233,12 +249,15 @@ bool FreePrincipalPoints(StageContext& context, const ViewGraph& graph, bool is_
                              " cameras stay at the image centers: fewer than " +
                              std::to_string(kMinImages) + " photographs hardly tell them");
   }
-  auto taken = FindPrincipalPoints(context, graph, wanted,
-                                   is_earlier ? kDecisiveDeviate : kMinDeviate, true, model);
+  auto taken =
+      FindPrincipalPoints(context, graph, wanted, is_earlier ? kDecisiveDeviate : 0, true, model);
   if (taken) {
-    for (const camera_t id : wanted) context.run.monitor.Info(FoundText(id, model, *taken));
-    context.free_principal_points = wanted;
+    for (const camera_t id : wanted) {
+      TakePosterior(context, model.cameras.at(id), taken->deviate, taken->model.cameras.at(id));
+      context.run.monitor.Info(FoundText(id, model, *taken));
+    }
     model = std::move(taken->model);
+    AdjustModel(context, kIterations, model);
   }
   if (model.NumObservations() <= kMaxObservationsToLook) {
     if (const auto left =

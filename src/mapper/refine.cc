@@ -112,6 +112,7 @@ TriangulationOptions OptionsOf(const StageContext& context, const Round& round) 
   TriangulationOptions options = context.settings.triangulation;
   options.max_error_px *= round.error_factor;
   options.max_error_sigmas *= round.error_factor;
+  options.min_angle_deg = context.min_angle_deg;
   return options;
 }
 
@@ -198,6 +199,7 @@ void RemoveImage(image_t id, Reconstruction& model) {
 std::map<image_t, PoseConfidence> TriangulateModel(StageContext& context,
                                                    std::span<const Track> tracks,
                                                    Reconstruction& model) {
+  context.min_angle_deg = FindTrackAngles(context, tracks, model).min_deg;
   const Round round{.name = "input", .tracks = tracks};
   TriangulateRound(context, round, model);
   {
@@ -222,7 +224,14 @@ void AdjustWithPriors(StageContext& context, const PlacePriors& priors, Reconstr
 }
 
 void FindStart(StageContext& context, std::span<const Track> tracks, Reconstruction& model) {
-  const std::vector<Track> longest = SelectTracks(tracks, kCoarseTracksPerImage);
+  const TrackAngles angles = FindTrackAngles(context, tracks, model);
+  context.min_angle_deg = angles.min_deg;
+  // (The longest are those of what is far away.)
+  std::vector<Track> wide;
+  for (size_t i = 0; i < tracks.size(); ++i) {
+    if (angles.of_tracks_deg[i] >= angles.min_deg) wide.push_back(tracks[i]);
+  }
+  const std::vector<Track> longest = SelectTracks(wide, kCoarseTracksPerImage);
   RunRound(context,
            {.name = "coarse",
             .tracks = longest,

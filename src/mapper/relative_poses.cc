@@ -17,8 +17,9 @@ namespace {
 
 constexpr double kWidePx = 8.0;  // a pose from a decomposition is rough
 constexpr double kFinePx = 2.0;
-// Inliers whose rays differ by less than this after the rotation do not determine the direction.
-constexpr double kMinParallaxPx = 4.0;
+// So many inliers off the rotation tell the direction, however many more are far away. (Wrong
+// matches that fit by chance, the hundredth part of them, are fewer.)
+constexpr int kEnoughNear = 30;
 
 // Unit bearings of the matches whose distortion can be undone.
 struct PairRays {
@@ -130,7 +131,9 @@ void ImproveEdge(const SceneData& scene, const TwoViewGeometry& geometry, ViewEd
     parallaxes.push_back(points.focal2_px() * AngleBetween(x, inliers2[i]));
   }
   const double parallax_px = UpperMedian(parallaxes);
-  const bool is_rotation = parallax_px < kMinParallaxPx;
+  const auto num_near =
+      std::ranges::count_if(parallaxes, [](double px) { return px >= kMinParallaxPx; });
+  const bool is_rotation = parallax_px < kMinParallaxPx && num_near < kEnoughNear;
   if (is_rotation && !HasTurned(front.cam2_from_cam1.rotation)) return;
   edge.removal = EdgeRemoval::kNone;
   if (is_rotation) {

@@ -14,6 +14,7 @@
 #include "cairn/intrinsics/focal_calibration.h"
 #include "cairn/mapper/reconstruct.h"
 #include "cairn/scene/view_graph.h"
+#include "cairn/triangulation/triangulation.h"
 #include "evaluation/model_evidence.h"
 #include "report/stage.h"
 
@@ -70,6 +71,7 @@ struct StageContext {
   // Images of other places that look like this one, which wait for a model of their own.
   std::set<image_t> reserved{};
   std::set<camera_t> free_principal_points{};  // bundle adjustment of the model refines them
+  double min_angle_deg = TriangulationOptions().min_angle_deg;  // of points, see TrackAngles
 };
 
 // A stage of one model.
@@ -87,6 +89,7 @@ struct BuiltModel {
   ViewGraph graph;                      // with what became of the component's edges
   ModelEvidence evidence;
   std::vector<size_t> duplicate_edges;  // between two places that the model shows as one; removed
+  double min_angle_deg = 0;
   std::vector<ResultWarning> warnings{};
 };
 

@@ -246,7 +246,20 @@ void RemoveImage(image_t id, Reconstruction& model);
 // that is the same.
 Camera ByLens(const Camera& camera, CameraModel lens);
 
-// Coarse rounds over few tracks, from poses of averaging.
+// Rays that differ by less, once rotations are undone, hardly tell a direction or a distance.
+inline constexpr double kMinParallaxPx = 4.0;
+
+// The angles between the rays of tracks, by the model's rotations alone.
+struct TrackAngles {
+  // Smallest one of a point: triangulation.min_angle_deg, or, where most tracks have smaller ones,
+  // that of kMinParallaxPx.
+  double min_deg = 0;
+  std::vector<double> of_tracks_deg;
+};
+TrackAngles FindTrackAngles(const StageContext& context, std::span<const Track> tracks,
+                            const Reconstruction& model);
+
+// Coarse rounds over few tracks, from poses of averaging. Sets the smallest angle of points.
 void FindStart(StageContext& context, std::span<const Track> tracks, Reconstruction& model);
 
 enum class RefineStart {

@@ -25,10 +25,10 @@ std::vector<image_pair_t> SpatialPairs(const std::map<image_t, GpsPosition>& pos
       const double distance = (points[i] - points[j]).norm();
       if (j != i && distance <= radius_m) near.emplace_back(distance, std::abs(j - i), images[j]);
     }
-    const size_t kept = std::min(near.size(), static_cast<size_t>(neighbors));
-    std::partial_sort(near.begin(), near.begin() + static_cast<std::ptrdiff_t>(kept), near.end());
-    near.resize(kept);
+    std::sort(near.begin(), near.end());
+    int num_here = 0, num_elsewhere = 0;
     for (const auto& [distance, steps, image] : near) {
+      if (++(distance > 0 ? num_elsewhere : num_here) > neighbors) continue;
       pairs_of[i].push_back(ImagePairToPairId(images[i], image));
     }
   });

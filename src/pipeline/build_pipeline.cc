@@ -195,6 +195,7 @@ class BuildRun {
       return KeepGoing(ImportDataset(database_, *sources.dataset, options_.cameras, run_));
     }
     PhotoSource photos = {.image_path = sources.image_path,
+                          .other_paths = {in.mask_path, in.depth_path},
                           .drop_missing = in.drop_missing,
                           .recompute_changed = in.recompute == BuildStage::kChanged};
     if (sources.dataset) photos.selection = SelectDatasetPhotos(*sources.dataset);

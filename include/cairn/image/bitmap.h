@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -24,7 +25,9 @@ enum class BitmapColor { kGray, kRgb };
 // Decodes a photograph without rotating it by its EXIF orientation, as COLMAP does. Throws IoError
 // with the path and the reason (absent, empty, truncated, not an image).
 Bitmap ReadBitmap(const std::string& path, BitmapColor color);
-// The same at a half, a quarter or an eighth of its size, while its longer side keeps so many
+// The opacity of a PNG or WebP file that has one (0: nothing is to be seen); nullopt: it has none.
+std::optional<Bitmap> ReadOpacity(const std::string& path);
+// A photograph at a half, a quarter or an eighth of its size, while its longer side keeps so many
 // pixels. A JPEG takes less time then.
 Bitmap ReadReducedBitmap(const std::string& path, BitmapColor color, int min_longer_side);
 // Format by extension: .png, .jpg, .jpeg, .ppm (RGB) or .pgm (gray), .bmp, .tif. Appears complete

@@ -53,7 +53,8 @@ std::vector<image_pair_t> SequentialPairs(const std::vector<std::vector<image_t>
 // ---- spatial
 
 // Each image with its `neighbors` nearest ones, none farther than radius_m (of the straight line
-// between positions on WGS84; altitudes, which GPS knows badly, do not count). Ascending.
+// between positions on WGS84; altitudes, which GPS knows badly, do not count), and with as many of
+// the same position: a receiver without a fix repeats its last one. Ascending.
 std::vector<image_pair_t> SpatialPairs(const std::map<image_t, GpsPosition>& positions,
                                        int neighbors, double radius_m, int num_threads);
 

@@ -52,6 +52,8 @@ struct PhotoSource {
   };
   std::string image_path;                                      // "": none
   std::optional<std::vector<Photo>> selection = std::nullopt;  // nullopt: all
+  // Folders of masks and depth maps, none of them photographs ("": none).
+  std::vector<std::string> other_paths = {};
   // Images that were imported from a folder (all of it) that no longer has them leave the database.
   bool drop_missing = false;
   // Images whose photographs changed are forgotten, and the photographs added as new ones.

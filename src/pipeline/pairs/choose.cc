@@ -20,7 +20,8 @@ constexpr double kMaxExhaustiveSeconds = 120.0;
 constexpr int kAutoOverlap = 2;
 // From there on, more of a way's work is used than wasted.
 constexpr double kHalf = 0.5;
-// A round of fewer pairs two edges apart, of those that are matched, is not worth its start.
+// A round of fewer pairs two edges apart, of those chosen since photographs joined, is not worth
+// its start.
 constexpr double kMinGrowth = 0.01;
 // An image with so many times the verified pairs that retrieval proposes needs no more of the kind.
 constexpr int kEnough = 8;
@@ -255,7 +256,11 @@ PairChooser::Choices PairChooser::NextChoices(const std::vector<PairChoiceRecord
     const std::vector<image_pair_t> pairs =
         PairsTwoEdgesApart(evidence, options.min_shared_points,
                            kEnough * options.retrieval_neighbors, run_.num_threads);
-    const double min_num = kMinGrowth * static_cast<double>(evidence.matched.size());
+    const auto num_since = std::ranges::count_if(
+        records, [first = LastFirstRound(records)](const PairChoiceRecord& record) {
+          return record.round >= first;
+        });
+    const double min_num = kMinGrowth * static_cast<double>(num_since);
     if (static_cast<double>(pairs.size()) >= min_num) add(pairs, PairReason::kTwoEdges);
   }
   if (yields(PairReason::kLoop) >= kHalf) {

@@ -3,8 +3,10 @@
 
 #include "cairn/base/error.h"
 #include "cairn/pipeline/stages.h"
+#include "database/stage_names.h"
 #include "io/text_reader.h"
 #include "pair_selection/unique_pairs.h"
+#include "report/stage.h"
 
 namespace cairn {
 namespace {
@@ -31,6 +33,7 @@ std::vector<image_pair_t> ReadPairList(const std::string& path, const std::vecto
   std::map<std::string, image_t> ids;
   for (const Image& image : images) ids[image.name] = image.image_id;
   std::vector<image_pair_t> pairs;
+  std::vector<std::string> skipped;
   while (reader.NextDataLine()) {
     const std::string line(reader.Rest());
     const std::string where = path + ":" + std::to_string(reader.line_number());
@@ -39,14 +42,15 @@ std::vector<image_pair_t> ReadPairList(const std::string& path, const std::vecto
     const auto id1 = ids.find(names->first);
     const auto id2 = ids.find(names->second);
     if (id1 == ids.end() || id2 == ids.end()) {
-      monitor.Warning(where + ": no image '" + (id1 == ids.end() ? names->first : names->second) +
-                      "' in the database; the pair is skipped");
+      skipped.push_back(where + ": no image '" + (id1 == ids.end() ? names->first : names->second) +
+                        "' in the database; the pair is skipped");
     } else if (id1->second == id2->second) {
-      monitor.Warning(where + ": '" + names->first + "' paired with itself; skipped");
+      skipped.push_back(where + ": '" + names->first + "' paired with itself; skipped");
     } else {
       pairs.push_back(ImagePairToPairId(id1->second, id2->second));
     }
   }
+  Stage(monitor, kStagePairs).WarnEach(skipped);
   if (pairs.empty()) throw IoError(path, "names no pair of photographs of the database");
   return Unique(std::move(pairs));
 }

@@ -27,6 +27,28 @@ std::optional<ExifKey> KeyOf(const Photo& photo) {
   return ExifKey(exif.camera_make, exif.camera_model, *focal, photo.size.width, photo.size.height);
 }
 
+// The size that most photos of each sharing folder have, of equally many the first: its camera's.
+std::map<std::string, ImageSize> CommonSizes(const CameraOptions& options,
+                                             std::span<const Photo> photos) {
+  std::map<std::string, std::vector<std::pair<ImageSize, int>>> counts;
+  for (const Photo& photo : photos) {
+    const std::optional<std::string> folder = SharingFolder(options, photo.name);
+    if (!folder || !photo.error.empty()) continue;
+    auto& of_folder = counts[*folder];
+    const auto same = std::ranges::find(of_folder, photo.size, &std::pair<ImageSize, int>::first);
+    if (same == of_folder.end()) {
+      of_folder.emplace_back(photo.size, 1);
+    } else {
+      ++same->second;
+    }
+  }
+  std::map<std::string, ImageSize> common;
+  for (const auto& [folder, sizes] : counts) {
+    common[folder] = std::ranges::max_element(sizes, {}, &std::pair<ImageSize, int>::second)->first;
+  }
+  return common;
+}
+
 }  // namespace
 
 PhotoRecord FailedPhoto(const std::string& folder, PhotoRecord photo) {
@@ -72,8 +94,11 @@ std::optional<std::string> SharingFolder(const CameraOptions& options,
 }
 
 CameraMaker::CameraMaker(const CameraOptions& options, camera_t first_id,
-                         std::map<std::string, SharedCamera> shared)
-    : options_(options), next_id_(first_id), shared_(std::move(shared)) {}
+                         std::map<std::string, SharedCamera> shared, std::span<const Photo> photos)
+    : options_(options),
+      next_id_(first_id),
+      shared_(std::move(shared)),
+      common_sizes_(CommonSizes(options, photos)) {}
 
 std::optional<camera_t> CameraMaker::CameraOf(Photo& photo) {
   if (const auto folder = SharingFolder(options_, photo.name))
@@ -90,14 +115,16 @@ void CameraMaker::AddKnown(const Photo& photo, camera_t camera_id) {
 }
 
 std::optional<camera_t> CameraMaker::CameraOfFolder(const std::string& folder, Photo& photo) {
-  auto shared = shared_.find(folder);
-  if (shared == shared_.end()) {
-    shared = shared_.emplace(folder, SharedCamera{Make(photo).camera_id, photo.size}).first;
+  const auto shared = shared_.find(folder);
+  const ImageSize size = shared != shared_.end() ? shared->second.size : common_sizes_.at(folder);
+  if (photo.size == size) {
+    if (shared != shared_.end()) return shared->second.camera_id;
+    const camera_t camera_id = Make(photo).camera_id;
+    shared_[folder] = {camera_id, size};
+    return camera_id;
   }
-  const SharedCamera& camera = shared->second;
-  if (photo.size == camera.size) return camera.camera_id;
   photo.error = "is " + SizeText(photo.size) + " pixels, the single camera " +
-                (folder.empty() ? "" : "of its folder ") + SizeText(camera.size) +
+                (folder.empty() ? "" : "of its folder ") + SizeText(size) +
                 " (without --single_camera" + (options_.single_camera ? "" : "_per_folder") +
                 " it has its own)";
   return std::nullopt;

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <map>
 #include <optional>
+#include <span>
 #include <string>
 #include <tuple>
 #include <vector>
@@ -55,11 +56,11 @@ struct SharedCamera {
 };
 
 // Gives photos their cameras, making new ones with ids from first_id on. `shared` are the cameras
-// that sharing folders have already.
+// that sharing folders have already; others share one of the size that most of their photos have.
 class CameraMaker {
  public:
   CameraMaker(const CameraOptions& options, camera_t first_id,
-              std::map<std::string, SharedCamera> shared);
+              std::map<std::string, SharedCamera> shared, std::span<const Photo> photos);
 
   // A photograph that has this camera, for others to share.
   void AddKnown(const Photo& photo, camera_t camera_id);
@@ -74,6 +75,7 @@ class CameraMaker {
   const CameraOptions options_;
   camera_t next_id_;
   std::map<std::string, SharedCamera> shared_;
+  const std::map<std::string, ImageSize> common_sizes_;
   std::map<ExifKey, camera_t> by_exif_;
   std::vector<Camera> cameras_;
 };

@@ -106,13 +106,14 @@ Photo DescribeImage(const OneDsfmDataset& dataset, const DatasetKeys& keys, int 
 
 void WriteImages(Database& database, const OneDsfmDataset& dataset, const DatasetKeys& keys,
                  const CameraOptions& options) {
-  CameraMaker maker(options, 1, {});
+  std::vector<Photo> photos;
+  for (const int index : dataset.component) photos.push_back(DescribeImage(dataset, keys, index));
+  CameraMaker maker(options, 1, {}, photos);
   std::vector<Image> images;
-  for (const int index : dataset.component) {
-    Photo photo = DescribeImage(dataset, keys, index);
-    const std::optional<camera_t> camera_id = maker.CameraOf(photo);
-    if (!camera_id) throw ConfigError("single_camera", photo.name + " " + photo.error);
-    images.push_back({ImageId(index), photo.name, *camera_id});
+  for (size_t i = 0; i < photos.size(); ++i) {
+    const std::optional<camera_t> camera_id = maker.CameraOf(photos[i]);
+    if (!camera_id) throw ConfigError("single_camera", photos[i].name + " " + photos[i].error);
+    images.push_back({ImageId(dataset.component[i]), photos[i].name, *camera_id});
   }
   for (const Camera& camera : maker.cameras()) database.WriteCamera(camera);
   for (const Image& image : images) database.WriteImage(image);

@@ -33,7 +33,7 @@ std::vector<Photo> ListPhotos(const PhotoSource& source) {
     std::sort(photos.begin(), photos.end(),
               [](const Photo& a, const Photo& b) { return a.name < b.name; });
   } else {
-    for (std::string& name : ListImages(source.image_path)) {
+    for (std::string& name : ListImages(source.image_path, source.other_paths)) {
       photos.emplace_back().name = std::move(name);
     }
   }
@@ -44,8 +44,8 @@ std::vector<Photo> ListPhotos(const PhotoSource& source) {
 }
 
 // What the user may take for part of the run, and is not.
-void RemarkOnUnread(const std::string& image_path, Stage& stage) {
-  const std::vector<std::string> unread = ListUnreadImages(image_path);
+void RemarkOnUnread(const PhotoSource& source, Stage& stage) {
+  const std::vector<std::string> unread = ListUnreadImages(source.image_path, source.other_paths);
   if (unread.empty()) return;
   stage.Warn("not read, since their format is not known: " + FirstNames(unread));
 }
@@ -59,7 +59,8 @@ size_t HandleMissing(Database& database, const PhotoSource& source,
   for (const PhotoRecord& record : database.ReadPhotos()) imported.insert(record.name);
   std::vector<std::string> names, foreign;  // of other programs
   std::set<image_t> missing;
-  bool any_is_there = false;
+  bool any_is_there = std::ranges::any_of(
+      imported, [&](const std::string& name) { return present.count(name) > 0; });
   for (const Image& image : database.ReadImages()) {
     if (present.count(image.name) > 0) {
       any_is_there = true;
@@ -316,7 +317,7 @@ std::vector<Camera> AssignCameras(const StoredImages& stored, const CameraOption
                                   const StageLedger& ledger, const KnownPhotos& known_photos,
                                   std::vector<Photo>& photos) {
   CameraMaker maker(options, FirstFreeCameraId(stored, ledger, photos),
-                    SharedCameras(options, stored, ledger));
+                    SharedCameras(options, stored, ledger), photos);
   for (const auto& [camera_id, photo] : known_photos) maker.AddKnown(photo, camera_id);
   image_t next_id = stored.largest_taken_id + 1;
   for (Photo& photo : photos) {
@@ -419,7 +420,7 @@ StageReport ImportPhotos(Database& database, const PhotoSource& source,
   std::vector<Photo> photos = ListPhotos(source);
   size_t num_dropped = 0;
   if (!image_path.empty() && !source.selection) {
-    RemarkOnUnread(image_path, stage);
+    RemarkOnUnread(source, stage);
     num_dropped = HandleMissing(database, source, photos, stage);
   }
   if (photos.empty() && database.ReadImages().empty()) {

@@ -20,6 +20,15 @@ void CheckSize(const std::string& path, const ImageSize& mask, const ImageSize& 
                     path + " is " + SizeText(mask) + " pixels, its photograph " + SizeText(photo));
 }
 
+// Black where either is, if they have one size; else the other one.
+void Intersect(Bitmap other, std::optional<Bitmap>& mask) {
+  if (mask && mask->data.size() == other.data.size()) {
+    std::ranges::transform(other.data, mask->data, other.data.begin(),
+                           [](uint8_t a, uint8_t b) { return std::min(a, b); });
+  }
+  mask = std::move(other);
+}
+
 std::map<std::string, uint64_t> HashesOfPhotos(const Database& database) {
   std::map<std::string, uint64_t> hashes;
   for (const PhotoRecord& photo : database.ReadPhotos()) {
@@ -45,10 +54,13 @@ Features ExtractPhoto(const PhotoPaths& photo, const ImageSize& camera_size,
     throw IoError(photo.path,
                   "is " + SizeText(size) + " pixels, its camera " + SizeText(camera_size));
   }
-  if (photo.mask_path.empty()) return ExtractFeatures(bitmap, options);
-  const Bitmap mask = ReadBitmap(photo.mask_path, BitmapColor::kGray);
-  CheckSize(photo.mask_path, {mask.width, mask.height}, size);
-  return ExtractFeatures(bitmap, options, &mask);
+  std::optional<Bitmap> mask = ReadOpacity(photo.path);
+  if (!photo.mask_path.empty()) {
+    Intersect(ReadBitmap(photo.mask_path, BitmapColor::kGray), mask);
+    CheckSize(photo.mask_path, {mask->width, mask->height}, size);
+    if (const auto opacity = ReadOpacity(photo.mask_path)) Intersect(*opacity, mask);
+  }
+  return ExtractFeatures(bitmap, options, mask ? &*mask : nullptr);
 }
 
 uint64_t FeatureInputHash(uint64_t file_hash, const std::string& mask_path) {

@@ -1,6 +1,8 @@
 #include "cairn/image/bitmap.h"
 
+#include <exiv2/exiv2.hpp>
 #include <filesystem>
+#include <opencv2/imgcodecs.hpp>
 
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
@@ -187,6 +189,80 @@ TEST(Bitmap, FormatsThatAreNotReadAreNamed) {
                                                     "ftypheic and what follows",
                                                     28));
   EXPECT_THAT(ReasonOf(folder / "a.jpg"), HasSubstr("HEIC, AVIF or a video is not read"));
+}
+
+// OpenCV's decoder of TIFF files turns them.
+TEST(Bitmap, NoFormatIsTurnedByItsOrientation) {
+  const TempFolder folder;
+  const Bitmap bitmap = MakeBitmap(37, 23, 1);
+  for (const std::string name : {"a.tif", "a.png"}) {
+    for (const uint16_t orientation : {1, 3, 6}) {
+      WriteBitmap(folder / name, bitmap);
+      const auto image = Exiv2::ImageFactory::open(folder / name);
+      image->readMetadata();
+      image->exifData()["Exif.Image.Orientation"] = orientation;
+      image->writeMetadata();
+      const Bitmap read = ReadBitmap(folder / name, BitmapColor::kGray);
+      EXPECT_EQ(read.width, 37) << name << orientation;
+      EXPECT_EQ(read.data, bitmap.data) << name << orientation;
+    }
+  }
+}
+
+TEST(Bitmap, TiffsOfEitherOrderOfBytesAreUprightAndDamagedOnesReadOrLeft) {
+  // A directory of one entry: orientation 6, one short number.
+  for (const std::string order : {"II", "MM"}) {
+    const auto number = [&](uint64_t value, int num_bytes) {
+      std::string bytes;
+      for (int i = 0; i < num_bytes; ++i) bytes += static_cast<char>(value >> 8 * i & 0xff);
+      if (order == "MM") std::reverse(bytes.begin(), bytes.end());
+      return bytes;
+    };
+    const std::string entry = number(274, 2) + number(3, 2) + number(1, 4);
+    const std::string head = order + number(42, 2) + number(8, 4) + number(1, 2) + entry;
+    EXPECT_EQ(UprightTiff(head + number(6, 2) + "\0\0"), head + number(1, 2) + "\0\0");
+    EXPECT_EQ(UprightTiff(head), "");
+    const std::string big_entry = number(274, 2) + number(3, 2) + number(1, 8);
+    const std::string big = order + number(43, 2) + number(8, 2) + number(0, 2) + number(16, 8) +
+                            number(1, 8) + big_entry;
+    EXPECT_EQ(UprightTiff(big + number(6, 2)), big + number(1, 2));
+    EXPECT_EQ(UprightTiff(order + number(42, 2) + number(0xffffffff, 4)), "");
+  }
+}
+
+// Cameras of 10 and 12 bits write numbers of 16.
+TEST(Bitmap, OfSixteenBitsTheUppermostInUseAreRead) {
+  const TempFolder folder;
+  const Bitmap bitmap = MakeBitmap(37, 23, 1);  // some value of 128 and more
+  for (const int num_bits : {8, 10, 12, 16}) {
+    cv::Mat wide(23, 37, CV_16U);
+    for (int i = 0; i < 23 * 37; ++i) {
+      wide.at<uint16_t>(i / 37, i % 37) = static_cast<uint16_t>(bitmap.data[i] << (num_bits - 8));
+    }
+    cv::imwrite(folder / "a.png", wide);
+    EXPECT_EQ(ReadBitmap(folder / "a.png", BitmapColor::kGray).data, bitmap.data) << num_bits;
+    EXPECT_EQ(ReadBitmap(folder / "a.png", BitmapColor::kRgb).Pixel(3, 4)[1], *bitmap.Pixel(3, 4));
+  }
+  cv::imwrite(folder / "a.tif", cv::Mat(23, 37, CV_32F, cv::Scalar(0.5)));
+  EXPECT_THAT(ReasonOf(folder / "a.tif"), HasSubstr("not of 8 or 16 bits"));
+}
+
+TEST(Bitmap, OpacityIsReadWhereThereIsOne) {
+  const TempFolder folder;
+  cv::Mat image(23, 37, CV_8UC4, cv::Scalar(10, 20, 30, 255));
+  image.at<cv::Vec4b>(4, 3)[3] = 0;
+  cv::imwrite(folder / "a.png", image);
+  cv::imwrite(folder / "a.webp", image, {cv::IMWRITE_WEBP_QUALITY, 101});
+  for (const char* name : {"a.png", "a.webp"}) {
+    const auto opacity = ReadOpacity(folder / name);
+    ASSERT_TRUE(opacity) << name;
+    EXPECT_EQ(*opacity->Pixel(3, 4), 0);
+    EXPECT_EQ(*opacity->Pixel(4, 3), 255);
+  }
+  for (const char* name : {"b.png", "b.jpg"}) {
+    WriteBitmap(folder / name, MakeBitmap(37, 23, 3));
+    EXPECT_FALSE(ReadOpacity(folder / name)) << name;
+  }
 }
 
 // OpenCV decodes more formats than are read, by libraries that are not for files of strangers.

@@ -85,6 +85,25 @@ TEST(Exif, FocalFromMillimetersAndTheCamerasSensor) {
   EXPECT_EQ(focal("Panasonic", "DMC-LX3", 3648, 2736), 0);
 }
 
+// A program made the photograph smaller, and wrote its new size beside the old resolution.
+TEST(Exif, ASensorThatTheCameraDoesNotHaveIsNotTaken) {
+  const TempFolder folder;
+  const auto focal = [&](const char* width, const char* f35) {
+    WriteJpegWithExif(folder / "a.jpg", {{"Exif.Photo.FocalLength", "50/1"},
+                                         {"Exif.Photo.FocalLengthIn35mmFilm", f35},
+                                         {"Exif.Image.Make", "Canon"},
+                                         {"Exif.Image.Model", "Canon EOS 5D Mark III"},
+                                         {"Exif.Photo.PixelXDimension", width},
+                                         {"Exif.Photo.PixelYDimension", "960"},
+                                         {"Exif.Photo.FocalPlaneXResolution", "5760/36"},
+                                         {"Exif.Photo.FocalPlaneResolutionUnit", "4"}});
+    return ReadExif(folder / "a.jpg", 1440, 960).focal_px.value_or(0);
+  };
+  EXPECT_NEAR(focal("5760", "0"), 2000, 1);
+  EXPECT_NEAR(focal("1440", "0"), 2000, 20);     // by the table of sensors
+  EXPECT_NEAR(focal("5760", "65535"), 2000, 1);  // which no lens has
+}
+
 TEST(Exif, NoUsableFocalIsAbsent) {
   const TempFolder folder;
   const auto focal = [&](const Tags& tags) {
@@ -112,6 +131,11 @@ TEST(Exif, TimeByTheCamerasClock) {
   EXPECT_EQ(taken_at({{"Exif.Photo.DateTimeOriginal", "2009:04:09 15:28:39"},
                       {"Exif.Photo.SubSecTimeOriginal", "25"}}),
             expected + 0.25);
+  EXPECT_EQ(taken_at({{"Exif.Photo.DateTimeOriginal", "0000:00:00 00:00:00"},
+                      {"Exif.Photo.DateTimeDigitized", "2009:04:09 15:28:39"},
+                      {"Exif.Image.DateTime", "2011:04:09 15:28:39"}}),
+            expected);
+  EXPECT_EQ(taken_at({{"Exif.Image.DateTime", "2009:04:09 15:28:39"}}), expected);
   EXPECT_FALSE(taken_at({{"Exif.Photo.DateTimeOriginal", "0000:00:00 00:00:00"}}));
   EXPECT_FALSE(taken_at({{"Exif.Photo.DateTimeOriginal", "    :  :     :  :  "}}));
   EXPECT_FALSE(taken_at({}));

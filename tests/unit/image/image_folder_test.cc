@@ -47,6 +47,17 @@ TEST(ImageFolder, UndistortedImagesAreNoPhotographs) {
   EXPECT_THAT(ListImages(folder / "dense/images"), ElementsAre("cam1/1.jpg"));
 }
 
+TEST(ImageFolder, LeavesOutFoldersOfMasksAndDepth) {
+  const TempFolder folder;
+  for (const char* name : {"masks", "depth/deep"}) CreateFolders(folder / name);
+  for (const char* name : {"1.jpg", "masks/1.jpg.png", "depth/2.jpg", "depth/deep/1.jpg.png"}) {
+    WriteFileAtomically(folder / name, "");
+  }
+  const std::vector<std::string> left_out = {folder / "masks/../masks", folder / "depth/deep", "",
+                                             folder / "absent", folder.path()};
+  EXPECT_THAT(ListImages(folder.path(), left_out), ElementsAre("1.jpg", "depth/2.jpg"));
+}
+
 TEST(ImageFolder, EmptyAndAbsent) {
   const TempFolder folder;
   EXPECT_THAT(ListImages(folder.path()), IsEmpty());

@@ -152,6 +152,35 @@ TEST(ImproveRelativePoses, LeavesARotationAloneWhereNothingShowsParallax) {
   EXPECT_LT(RotationErrorDeg(edge, pair), 0.5);
 }
 
+// Most of what the two see is far away: their parallax, in the median, is none.
+TEST(ImproveRelativePoses, NearMatchesTellTheDirectionBeforeAFarBackground) {
+  for (const double turn : {1.0, 0.0}) {
+    TwoImages pair(800, 0.3, 6);
+    pair.truth.rotation = ExpSO3({0.03 * turn, 0.2 * turn, 0});
+    pair.truth.translation = {-0.2, 0.02, 0};
+    const Camera& camera = pair.scene.cameras.at(1);
+    FeatureMatches& matches = pair.scene.matches.begin()->second;
+    Rng rng(1);
+    for (point2D_t i = 0; i < 150; ++i) {
+      const double depth = i < 110 ? 1e4 : 2;
+      const Eigen::Vector3d x = depth * UniformVector({{-0.3, 0.3}, {-0.3, 0.3}, {1, 1}}, rng);
+      pair.scene.pixels[1][i] = camera.ImgFromCam(x.hnormalized());
+      pair.scene.pixels[2][i] = camera.ImgFromCam((pair.truth * x).hnormalized());
+      for (image_t id = 1; id <= 2; ++id) {
+        pair.scene.pixels[id][i] += 0.3 * GaussianVector<2>(rng);
+      }
+    }
+    pair.scene.edges[0].cam2_from_cam1 = {pair.truth.rotation, pair.truth.translation.normalized()};
+    ViewEdge edge = Improved(pair, {});
+    EXPECT_TRUE(edge.IsActive());
+    EXPECT_LT(RotationErrorDeg(edge, pair), 0.1);
+    EXPECT_LT(DirectionErrorDeg(edge, pair), 2.0);
+    matches.resize(120);  // ten near ones may be chance
+    edge = Improved(pair, {});
+    EXPECT_FALSE(edge.IsActive() && edge.HasTranslation());
+  }
+}
+
 TEST(ImproveRelativePoses, PairsThatShowNoPoseHaveNone) {
   TwoImages still(800, 0.3, 4);
   still.scene.pixels.at(2) = still.scene.pixels.at(1);

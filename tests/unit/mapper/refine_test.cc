@@ -1,3 +1,4 @@
+#include "math/random_vectors.h"
 #include "unit/mapper/incomplete_model.h"
 
 namespace cairn {
@@ -37,6 +38,72 @@ TEST(RefineModel, MatchesThatMovedIntrinsicsBringCostNoImages) {
   ASSERT_TRUE(RefineWithMovedIntrinsics(scene.context, scene.graph, scene.model));
   EXPECT_EQ(scene.model.images.size(), before.images.size());
   EXPECT_EQ(scene.model.NumObservations(), before.NumObservations());
+}
+
+// A walk past a wall, before a skyline that every image shows: images from x = 0 to 5.5 look along
+// y at points nearby, and at num_far ones far away.
+struct Walk {
+  explicit Walk(int num_far, double near_deg = 0) {
+    constexpr int kNumImages = 12, kNumNear = 2000;
+    const Camera camera = Camera::FromFocal(1, CameraModel::kPinhole, 800, 1000, 800);
+    scene.cameras[1] = model.cameras[1] = camera;
+    Rng rng(1);
+    std::vector<Eigen::Vector3d> points;
+    const double depth = near_deg > 0 ? 5.5 / DegToRad(near_deg) : 3;
+    const double side = near_deg > 0 ? 0.5 * depth : 5;
+    for (int i = 0; i < kNumNear + num_far; ++i) {
+      points.push_back(
+          i < kNumNear
+              ? UniformVector({{3 - side, 3 + side}, {-1, 1}, {depth, 1.2 * depth}}, rng)
+              : Eigen::Vector3d(1e5 * UniformVector({{-0.5, 0.5}, {-0.4, 0.4}, {1, 1}}, rng)));
+    }
+    tracks.resize(points.size());
+    for (image_t id = 1; id <= kNumImages; ++id) {
+      RegisteredImage& image = model.images[id];
+      image.image = scene.images[id] = {id, std::to_string(id) + ".jpg", 1};
+      image.cam_from_world = Rigid3d(Eigen::Quaterniond::Identity(), {-0.5 * (id - 1.0), 0, 0});
+      for (size_t i = 0; i < points.size(); ++i) {
+        const Eigen::Vector3d x = image.cam_from_world * points[i];
+        const Eigen::Vector2d pixel =
+            camera.ImgFromCam(x.hnormalized()) + 0.5 * GaussianVector<2>(rng);
+        if (!(Eigen::Array2d(0, 0) < pixel.array()).all() ||
+            !(pixel.array() < Eigen::Array2d(1000, 800)).all()) {
+          continue;
+        }
+        tracks[i].push_back({id, static_cast<point2D_t>(image.points2D.size())});
+        image.points2D.push_back(pixel);
+      }
+      image.point3D_ids.assign(image.points2D.size(), kInvalidPoint3DId);
+      scene.pixels[id] = image.points2D;
+      scene.scales[id].assign(image.points2D.size(), 2.0f);
+    }
+    std::erase_if(tracks, [](const Track& track) { return track.size() < 2; });
+  }
+
+  SceneData scene;
+  Reconstruction model;
+  std::vector<Track> tracks;
+  ReconstructSettings settings;
+  RunReport report;
+  StageContext context{scene, settings, kOneThread, report};
+};
+
+// The longest tracks are those of the skyline, whose points have no distance.
+TEST(FindStart, AFarBackgroundDoesNotHideWhatIsNear) {
+  Walk walk(600);
+  FindStart(walk.context, walk.tracks, walk.model);
+  EXPECT_EQ(walk.model.images.size(), 12u);
+  EXPECT_EQ(walk.context.min_angle_deg, 1.5);
+}
+
+// Small angles are large beside the noise of keypoints.
+TEST(FindStart, PointsMayHaveSmallAnglesWhereMostHave) {
+  Walk walk(0, 0.8);
+  FindStart(walk.context, walk.tracks, walk.model);
+  EXPECT_NEAR(walk.context.min_angle_deg, RadToDeg(kMinParallaxPx / 800), 1e-9);
+  RefineModel(walk.context, walk.tracks, RefineStart::kChanged, walk.model);
+  EXPECT_EQ(walk.model.images.size(), 12u);
+  EXPECT_GT(walk.model.points3D.size(), 0.4 * walk.tracks.size());
 }
 
 }  // namespace

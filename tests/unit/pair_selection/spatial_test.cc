@@ -31,6 +31,15 @@ TEST(Spatial, OfEqualPositionsTheNextByNameAreTaken) {
   EXPECT_EQ(SpatialPairs(positions, 2, 1e6, 1).size(), 8u + 2u);  // and two from the ends
 }
 
+// A receiver without a fix repeats its last one.
+TEST(Spatial, ManyOfOnePositionDoNotHideTheNextOne) {
+  std::map<image_t, GpsPosition> positions;
+  for (image_t id = 1; id <= 9; ++id) positions[id] = {48, id < 6 ? 11 : 11.0001, 0};
+  const auto pair = ImagePairToPairId;
+  EXPECT_THAT(SpatialPairs(positions, 2, 1e6, 1),
+              IsSupersetOf({pair(1, 6), pair(5, 6), pair(4, 5), pair(6, 7)}));
+}
+
 TEST(Spatial, TheDateLineIsNoBorder) {
   const std::map<image_t, GpsPosition> positions = {{1, {0, 179.9999, 0}}, {2, {0, -179.9999, 0}}};
   EXPECT_EQ(SpatialPairs(positions, 1, 23, 1).size(), 1u);  // 22.26 m of the equator

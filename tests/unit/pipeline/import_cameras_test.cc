@@ -166,6 +166,18 @@ TEST_F(ImportPhotosTest, PhotographsOfAnotherSizeDoNotFitTheSingleCamera) {
                           "--single_camera it has its own); skipped"));
 }
 
+TEST_F(ImportPhotosTest, TheSingleCameraHasTheSizeThatMostPhotographsHave) {
+  AddPhoto("0thumbnail.png", 32, 32);
+  for (const std::string name : {"a.png", "b.png"}) AddPhoto(name);
+  CameraOptions options;
+  options.single_camera = true;
+  Import(options);
+  EXPECT_THAT(Names(), ElementsAre("a.png", "b.png"));
+  for (const std::string name : {"c.png", "d.png", "e.png"}) AddPhoto(name, 32, 32);
+  Import(options);  // what is there stays
+  EXPECT_THAT(Names(), ElementsAre("a.png", "b.png"));
+}
+
 TEST_F(ImportPhotosTest, OtherCameraOptionsAreAnErrorUnlessCamerasAreRecomputed) {
   AddPhoto("a.png");
   AddPhoto("b.png");

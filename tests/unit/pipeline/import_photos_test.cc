@@ -122,6 +122,24 @@ TEST_F(ImportPhotosTest, WhatIsGoneIsTakenOutWhoeverAddedIt) {
   EXPECT_THAT(Names(), ElementsAre("a.png"));
 }
 
+// One that was skipped shows which folder it is.
+TEST_F(ImportPhotosTest, WhatIsGoneIsTakenOutThoughAllElseWasSkipped) {
+  AddPhoto("a.png");
+  AddFile("b.png", "broken");
+  Import();
+  fs::remove(images_ + "/a.png");
+  AddPhoto("c.png");
+  ImportPhotos(database_, {.image_path = images_, .drop_missing = true});
+  EXPECT_THAT(Names(), ElementsAre("c.png"));
+}
+
+TEST_F(ImportPhotosTest, MasksBelowThePhotographsAreNone) {
+  for (const std::string name : {"a.png", "masks/a.png.png", "depth/a.png.png"}) AddPhoto(name);
+  ImportPhotos(database_,
+               {.image_path = images_, .other_paths = {images_ + "/masks", images_ + "/depth"}});
+  EXPECT_THAT(Names(), ElementsAre("a.png"));
+}
+
 TEST_F(ImportPhotosTest, AnotherFolderDoesNotEmptyTheDatabase) {
   AddPhoto("a.png");
   Import();
