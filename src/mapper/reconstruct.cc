@@ -67,10 +67,9 @@ void ReconstructOptions::VisitFields(OptionVisitor& v) {
          "distortion, where the matches agree better with it by more than chance gives once in "
          "twenty times: RADIAL, or RADIAL_FISHEYE for a lens that bends much");
   v.Choice("refine_principal_points", refine_principal_points, kPrincipalPointRefinements,
-           "cameras whose principal points, guessed at the image centers, are adjusted where the "
-           "matches agree better with that by more than 1.6 standard errors (within "
-           "some focal_calibration.principal_point_sigma), of cameras with eight photographs and "
-           "more; unknown: without a focal length in EXIF");
+           "cameras whose principal points, guessed at the image centers, are moved as far as the "
+           "matches are sure of it (against focal_calibration.principal_point_sigma), of cameras "
+           "with eight photographs and more; unknown: without a focal length in EXIF");
   v.Bool("colors", colors, "color the points from the photographs");
 }
 

@@ -1,42 +1,75 @@
 #include <algorithm>
 #include <cmath>
-#include <numeric>
+#include <functional>
 
 #include "cairn/base/check.h"
 #include "cairn/base/parallel.h"
 #include "cairn/pair_selection/pair_selection.h"
+#include "math/sorted_order.h"
 #include "pair_selection/unique_pairs.h"
 
 namespace cairn {
 namespace {
 
-constexpr Eigen::Index kQueryRows = 64;
+constexpr int64_t kQueryRows = 64;
 
-// The `num` columns with the largest values but `self`, best first.
-std::vector<int> LargestColumns(const Eigen::Ref<const Eigen::RowVectorXf>& values, int self,
-                                int num) {
-  std::vector<int> columns(static_cast<size_t>(values.size()));
-  std::iota(columns.begin(), columns.end(), 0);
-  columns.erase(columns.begin() + self);
+// The `num` images with the largest values that are not left out, best first.
+std::vector<image_t> Largest(const Eigen::Ref<const Eigen::RowVectorXf>& values,
+                             const std::vector<image_t>& ids, image_t self,
+                             const std::vector<image_t>& left_out, int num) {
+  std::vector<int> columns;
+  for (int i = 0; i < values.size(); ++i) {
+    if (ids[i] != self && !std::ranges::binary_search(left_out, ids[i])) columns.push_back(i);
+  }
   const size_t kept = std::min(columns.size(), static_cast<size_t>(num));
   std::partial_sort(
       columns.begin(), columns.begin() + static_cast<std::ptrdiff_t>(kept), columns.end(),
       [&values](int a, int b) { return values(a) != values(b) ? values(a) > values(b) : a < b; });
-  columns.resize(kept);
-  return columns;
+  std::vector<image_t> largest;
+  for (size_t i = 0; i < kept; ++i) largest.push_back(ids[columns[i]]);
+  return largest;
+}
+
+// Numbers of matches of pairs of images; ascending by pair.
+using MatchCounts = std::vector<std::pair<image_pair_t, int>>;
+
+// Each pair once, whichever of its images asks.
+MatchCounts CountMatches(const DescribedImages& images, std::vector<image_pair_t> pairs,
+                         int num_threads) {
+  MatchCounts counts;
+  for (const image_pair_t pair : Unique(std::move(pairs))) counts.emplace_back(pair, 0);
+  ParallelFor(num_threads, std::ssize(counts), [&](int64_t i) {
+    const auto [id1, id2] = PairIdToImagePair(counts[i].first);
+    const auto features = [&](image_t id) -> const Descriptors& {
+      return images.largest_features[IndexIn(images.ids, id)];
+    };
+    counts[i].second =
+        static_cast<int>(MatchDescriptors(features(id1), features(id2), MatchingOptions()).size());
+  });
+  return counts;
 }
 
 }  // namespace
 
-std::vector<std::vector<int>> MostSimilarRows(const FloatRows& rows, int num, int num_threads) {
-  std::vector<std::vector<int>> similar(static_cast<size_t>(rows.rows()));
-  const Eigen::Index num_blocks = (rows.rows() + kQueryRows - 1) / kQueryRows;
+std::vector<std::vector<image_t>> MostSimilar(const DescribedImages& images, const Queries& queries,
+                                              int num, int num_threads) {
+  std::vector<const Queries::value_type*> each;
+  for (const auto& query : queries) {
+    if (std::ranges::binary_search(images.ids, query.first)) each.push_back(&query);
+  }
+  std::vector<std::vector<image_t>> similar(each.size());
+  const int64_t num_blocks = (std::ssize(each) + kQueryRows - 1) / kQueryRows;
   ParallelFor(num_threads, num_blocks, [&](int64_t b) {
-    const Eigen::Index first = b * kQueryRows;
-    const Eigen::Index count = std::min(kQueryRows, rows.rows() - first);
-    const FloatRows products = rows.middleRows(first, count) * rows.transpose();
-    for (Eigen::Index i = 0; i < count; ++i) {
-      similar[first + i] = LargestColumns(products.row(i), static_cast<int>(first + i), num);
+    const int64_t first = b * kQueryRows;
+    const int64_t count = std::min<int64_t>(kQueryRows, std::ssize(each) - first);
+    FloatRows rows(count, images.descriptions.cols());
+    for (int64_t i = 0; i < count; ++i) {
+      rows.row(i) = images.descriptions.row(IndexIn(images.ids, each[first + i]->first));
+    }
+    const FloatRows products = rows * images.descriptions.transpose();
+    for (int64_t i = 0; i < count; ++i) {
+      const auto& [id, left_out] = *each[first + i];
+      similar[first + i] = Largest(products.row(i), images.ids, id, left_out, num);
     }
   });
   return similar;
@@ -60,32 +93,35 @@ Descriptors LargestFeatures(const std::vector<Keypoint>& keypoints, const Descri
   return largest;
 }
 
-std::map<image_t, std::vector<Candidate>> FindCandidates(
-    const std::vector<image_t>& images, const FloatRows& descriptions,
-    const std::vector<Descriptors>& largest_features, int num_candidates, int num_threads) {
-  CAIRN_CHECK_EQ(static_cast<Eigen::Index>(images.size()), descriptions.rows());
-  CAIRN_CHECK_EQ(images.size(), largest_features.size());
-  const auto similar = MostSimilarRows(descriptions, num_candidates, num_threads);
-  std::vector<std::vector<Candidate>> of_row(images.size());
-  ParallelFor(num_threads, std::ssize(images), [&](int64_t i) {
-    for (const int j : similar[i]) {
-      // (Of the smaller row with the larger, so that both have the same count.)
-      const size_t first = std::min<size_t>(i, j), second = std::max<size_t>(i, j);
-      const FeatureMatches matches =
-          MatchDescriptors(largest_features[first], largest_features[second], MatchingOptions());
-      of_row[i].push_back({images[j], static_cast<int>(matches.size())});
+Candidates FindCandidates(const DescribedImages& images, const Queries& queries, int num_candidates,
+                          int num_threads) {
+  CAIRN_CHECK_EQ(static_cast<Eigen::Index>(images.ids.size()), images.descriptions.rows());
+  CAIRN_CHECK_EQ(images.ids.size(), images.largest_features.size());
+  Candidates candidates;
+  std::vector<image_pair_t> pairs;
+  const auto similar = MostSimilar(images, queries, num_candidates, num_threads);
+  auto of_image = similar.begin();
+  for (const auto& [id, left_out] : queries) {
+    if (!std::ranges::binary_search(images.ids, id)) continue;
+    for (const image_t other : *of_image++) {
+      candidates[id].push_back({other, 0});
+      pairs.push_back(ImagePairToPairId(id, other));
     }
-    std::stable_sort(
-        of_row[i].begin(), of_row[i].end(),
-        [](const Candidate& a, const Candidate& b) { return a.num_matches > b.num_matches; });
-  });
-  std::map<image_t, std::vector<Candidate>> candidates;
-  for (size_t i = 0; i < images.size(); ++i) candidates[images[i]] = std::move(of_row[i]);
+  }
+  const MatchCounts counts = CountMatches(images, std::move(pairs), num_threads);
+  for (auto& [id, found] : candidates) {
+    for (Candidate& candidate : found) {
+      candidate.num_matches =
+          std::ranges::lower_bound(counts, ImagePairToPairId(id, candidate.image_id), {},
+                                   &MatchCounts::value_type::first)
+              ->second;
+    }
+    std::ranges::stable_sort(found, std::greater(), &Candidate::num_matches);
+  }
   return candidates;
 }
 
-std::vector<image_pair_t> RetrievalPairs(
-    const std::map<image_t, std::vector<Candidate>>& candidates, int neighbors) {
+std::vector<image_pair_t> RetrievalPairs(const Candidates& candidates, int neighbors) {
   std::vector<image_pair_t> pairs;
   for (const auto& [image, of_image] : candidates) {
     const size_t num = std::min(of_image.size(), static_cast<size_t>(neighbors));

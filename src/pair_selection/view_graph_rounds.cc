@@ -66,11 +66,23 @@ NeighborsOfImages FindNeighbors(const PairEvidence& evidence) {
   return neighbors;
 }
 
-bool AreWithinTwoEdges(const std::set<image_t>& neighbors1, const std::set<image_t>& neighbors2,
-                       image_t image2) {
-  if (neighbors1.count(image2) > 0) return true;
-  return std::any_of(neighbors1.begin(), neighbors1.end(),
-                     [&](image_t id) { return neighbors2.count(id) > 0; });
+// Of every image, those that it was matched with; ascending.
+Queries FindMatched(const PairEvidence& evidence) {
+  Queries matched;
+  for (const image_t image : evidence.images) matched[image];
+  for (const image_pair_t pair : evidence.matched) {
+    const auto [id1, id2] = PairIdToImagePair(pair);
+    matched[id1].push_back(id2);
+    matched[id2].push_back(id1);
+  }
+  for (auto& [image, of_image] : matched) std::ranges::sort(of_image);
+  return matched;
+}
+
+void AddSorted(const std::vector<image_t>& added, std::vector<image_t>& images) {
+  images.insert(images.end(), added.begin(), added.end());
+  std::ranges::sort(images);
+  images.erase(std::unique(images.begin(), images.end()), images.end());
 }
 
 // Component of every image; 0 is the largest.
@@ -91,8 +103,7 @@ std::map<image_t, int> FindComponents(const PairEvidence& evidence) {
 
 // The count of matches of largest features that separates verified candidates from matched, but not
 // verified, ones with the fewest errors; of equal ones the largest.
-int SeparatingCount(const PairEvidence& evidence,
-                    const std::map<image_t, std::vector<Candidate>>& candidates) {
+int SeparatingCount(const PairEvidence& evidence, const Candidates& candidates) {
   std::map<int, int, std::greater<>> gain;  // count -> verified less others with that count
   for (const auto& [image, of_image] : candidates) {
     for (const Candidate& candidate : of_image) {
@@ -142,50 +153,50 @@ std::vector<image_pair_t> PairsTwoEdgesApart(const PairEvidence& evidence, int m
   return Unique(std::move(pairs));
 }
 
-std::vector<image_pair_t> PairsClosingLoops(
-    const PairEvidence& evidence, const std::map<image_t, std::vector<Candidate>>& candidates) {
+Queries AskForLoops(const PairEvidence& evidence, int num_threads) {
   const NeighborsOfImages neighbors = FindNeighbors(evidence);
-  const int min_matches = SeparatingCount(evidence, candidates);
-  std::vector<image_pair_t> pairs;
-  for (const auto& [image, of_image] : candidates) {
-    const auto own = neighbors.find(image);
-    if (own == neighbors.end()) continue;
-    for (const Candidate& candidate : of_image) {
-      if (candidate.num_matches < min_matches) break;
-      const auto other = neighbors.find(candidate.image_id);
-      const image_pair_t pair = ImagePairToPairId(image, candidate.image_id);
-      if (other == neighbors.end() || evidence.matched.count(pair) > 0) continue;
-      if (AreWithinTwoEdges(own->second, other->second, candidate.image_id)) continue;
-      pairs.push_back(pair);
-      break;
+  Queries queries = FindMatched(evidence);
+  std::vector<Queries::value_type*> each;
+  for (auto& query : queries) each.push_back(&query);
+  ParallelFor(num_threads, std::ssize(each), [&](int64_t i) {
+    std::vector<image_t> near;
+    const auto own = neighbors.find(each[i]->first);
+    if (own == neighbors.end()) return;
+    for (const image_t neighbor : own->second) {
+      const std::set<image_t>& next = neighbors.at(neighbor);
+      near.insert(near.end(), next.begin(), next.end());
     }
+    AddSorted(near, each[i]->second);
+  });
+  return queries;
+}
+
+std::vector<image_pair_t> PairsClosingLoops(const PairEvidence& evidence, const Candidates& first,
+                                            const Candidates& found) {
+  const int min_matches = SeparatingCount(evidence, first);
+  std::vector<image_pair_t> pairs;
+  for (const auto& [image, of_image] : found) {
+    if (of_image.empty() || of_image.front().num_matches < min_matches) continue;
+    pairs.push_back(ImagePairToPairId(image, of_image.front().image_id));
   }
   return Unique(std::move(pairs));
 }
 
-std::vector<image_pair_t> PairsForWeakImages(
-    const PairEvidence& evidence, const std::map<image_t, std::vector<Candidate>>& candidates,
-    int neighbors) {
-  const NeighborsOfImages neighbors_of = FindNeighbors(evidence);
+Queries AskForWeakImages(const PairEvidence& evidence) {
+  const NeighborsOfImages neighbors = FindNeighbors(evidence);
   const std::map<image_t, int> component_of = FindComponents(evidence);
-  std::vector<image_pair_t> pairs;
-  for (const auto& [image, of_image] : candidates) {
+  std::map<int, std::vector<image_t>> parts;
+  for (const auto& [image, component] : component_of) parts[component].push_back(image);
+  Queries queries;
+  for (auto& [image, left_out] : FindMatched(evidence)) {
     const auto component = component_of.find(image);
     if (component == component_of.end()) continue;
     const bool is_apart = component->second != 0;
-    if (!is_apart && std::ssize(neighbors_of.at(image)) >= kFewPairs) continue;
-    int num_added = 0;
-    for (const Candidate& candidate : of_image) {
-      if (num_added == neighbors) break;
-      const auto other = component_of.find(candidate.image_id);
-      const image_pair_t pair = ImagePairToPairId(image, candidate.image_id);
-      if (other == component_of.end() || evidence.matched.count(pair) > 0) continue;
-      if (is_apart && other->second == component->second) continue;
-      pairs.push_back(pair);
-      ++num_added;
-    }
+    if (!is_apart && std::ssize(neighbors.at(image)) >= kFewPairs) continue;
+    queries[image] = left_out;
+    if (is_apart) AddSorted(parts.at(component->second), queries[image]);
   }
-  return Unique(std::move(pairs));
+  return queries;
 }
 
 }  // namespace cairn

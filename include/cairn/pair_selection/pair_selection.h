@@ -75,9 +75,20 @@ FloatRows TrainWords(const FloatRows& samples, int num_words, int num_threads);
 // many features, a burst, counts no more than one of few. Zero without descriptors.
 Eigen::RowVectorXf DescribeImage(const Descriptors& descriptors, const FloatRows& words);
 
-// For each row the `num` rows with the largest products, best first, of equal ones the first. All
-// are compared: 10^4 images of 64 words take a minute of one core.
-std::vector<std::vector<int>> MostSimilarRows(const FloatRows& rows, int num, int num_threads);
+// Images as retrieval knows them: ids ascending, descriptions as rows.
+struct DescribedImages {
+  std::vector<image_t> ids;
+  FloatRows descriptions;
+  std::vector<Descriptors> largest_features;
+};
+
+// Images that ask for candidates, and which ones each leaves out, ascending.
+using Queries = std::map<image_t, std::vector<image_t>>;
+
+// For each image that asks, the `num` ones with the largest products of descriptions, best first,
+// of equal ones the first. All are compared: 10^4 images of 64 words take a minute of one core.
+std::vector<std::vector<image_t>> MostSimilar(const DescribedImages& images, const Queries& queries,
+                                              int num, int num_threads);
 
 // The `num` descriptors of the features with the largest areas, of equal ones the first.
 Descriptors LargestFeatures(const std::vector<Keypoint>& keypoints, const Descriptors& descriptors,
@@ -89,16 +100,15 @@ struct Candidate {
   int num_matches = 0;  // of their largest features
   bool operator==(const Candidate&) const = default;
 };
-// Images (their ids, descriptions as rows, largest features) -> for each the candidates, best
-// first: the num_candidates most similar ones by description, in the order of their matches of
-// largest features, which is what decides; of equal ones the more similar first.
-std::map<image_t, std::vector<Candidate>> FindCandidates(
-    const std::vector<image_t>& images, const FloatRows& descriptions,
-    const std::vector<Descriptors>& largest_features, int num_candidates, int num_threads);
+using Candidates = std::map<image_t, std::vector<Candidate>>;
+// For each image that asks the candidates, best first: the num_candidates most similar ones by
+// description, in the order of their matches of largest features, which is what decides; of equal
+// ones the more similar first.
+Candidates FindCandidates(const DescribedImages& images, const Queries& queries, int num_candidates,
+                          int num_threads);
 
 // Each image with its first `neighbors` candidates. Ascending.
-std::vector<image_pair_t> RetrievalPairs(
-    const std::map<image_t, std::vector<Candidate>>& candidates, int neighbors);
+std::vector<image_pair_t> RetrievalPairs(const Candidates& candidates, int neighbors);
 
 // ---- rounds
 
@@ -115,17 +125,18 @@ struct PairEvidence {
 // a pair that either image asks for is taken. Ascending.
 std::vector<image_pair_t> PairsTwoEdgesApart(const PairEvidence& evidence, int min_shared_points,
                                              int max_neighbors, int num_threads);
-// Of each image, the best candidate that was not matched, is more than two edges away in the view
-// graph, and has at least as many matches of largest features as tell verified candidates from
-// others that were matched (the count that errs least often). Ascending.
-std::vector<image_pair_t> PairsClosingLoops(
-    const PairEvidence& evidence, const std::map<image_t, std::vector<Candidate>>& candidates);
-// For images with fewer than kFewPairs verified pairs (with two, one wrong pair cannot be told from
-// the right one): the `neighbors` best candidates that were not matched; for those outside of the
-// largest part of the view graph, candidates outside of their own part. Ascending.
+// Each image asks for those that it was not matched with and that are more than two edges away in
+// the view graph.
+Queries AskForLoops(const PairEvidence& evidence, int num_threads);
+// Of what they found the best, if it has at least as many matches of largest features as tell those
+// of the first candidates that are verified from others that were matched (the count that errs
+// least often). Ascending.
+std::vector<image_pair_t> PairsClosingLoops(const PairEvidence& evidence, const Candidates& first,
+                                            const Candidates& found);
+// Images with fewer than kFewPairs verified pairs (with two, one wrong pair cannot be told from the
+// right one) ask for those that they were not matched with; those outside of the largest part of
+// the view graph, for images outside of their own part.
 inline constexpr int kFewPairs = 3;
-std::vector<image_pair_t> PairsForWeakImages(
-    const PairEvidence& evidence, const std::map<image_t, std::vector<Candidate>>& candidates,
-    int neighbors);
+Queries AskForWeakImages(const PairEvidence& evidence);
 
 }  // namespace cairn

@@ -12,8 +12,6 @@ namespace {
 constexpr int kMaxSamples = 100000;
 // Features whose matches decide the order of candidates; a pair takes a 250th of the time of 8192.
 constexpr int kNumLargest = 512;
-// Candidates whose largest features are matched, for each neighbor that is chosen.
-constexpr int kCandidatesPerNeighbor = 6;
 // Images that are in memory at once.
 constexpr size_t kBlock = 64;
 
@@ -67,9 +65,8 @@ FloatRows SampleAll(const Database& database, std::vector<image_t>& images,
 
 }  // namespace
 
-std::map<image_t, std::vector<Candidate>> ReadCandidates(const Database& database,
-                                                         const PairSelectionOptions& options,
-                                                         const RunContext& run) {
+DescribedImages DescribeImages(const Database& database, const PairSelectionOptions& options,
+                               const RunContext& run) {
   ProgressMonitor& monitor = run.monitor;
   std::vector<image_t> images;
   const FloatRows samples = SampleAll(database, images, monitor);
@@ -93,8 +90,7 @@ std::map<image_t, std::vector<Candidate>> ReadCandidates(const Database& databas
   }
   monitor.EndStage();
   if (monitor.StopRequested()) return {};
-  return FindCandidates(images, descriptions, largest,
-                        kCandidatesPerNeighbor * options.retrieval_neighbors, run.num_threads);
+  return {std::move(images), std::move(descriptions), std::move(largest)};
 }
 
 }  // namespace cairn

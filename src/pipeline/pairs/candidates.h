@@ -10,11 +10,9 @@
 
 namespace cairn {
 
-// Reads the features of all images and finds for each those that look like it, best first
-// (pair_selection.h). An image whose features cannot be read has none and is reported by Warning.
-// Empty when the monitor wants to stop.
-std::map<image_t, std::vector<Candidate>> ReadCandidates(const Database& database,
-                                                         const PairSelectionOptions& options,
-                                                         const RunContext& run);
+// Reads the features of all images and describes these. An image whose features cannot be read is
+// left out and reported by Warning. Empty when the monitor wants to stop.
+DescribedImages DescribeImages(const Database& database, const PairSelectionOptions& options,
+                               const RunContext& run);
 
 }  // namespace cairn

@@ -18,6 +18,8 @@ namespace {
 constexpr double kMaxExhaustiveSeconds = 120.0;
 // Of a sequence, `auto` takes what retrieval may miss; the rounds find the rest.
 constexpr int kAutoOverlap = 2;
+// Candidates whose largest features are matched, for each neighbor that is chosen.
+constexpr int kCandidatesPerNeighbor = 6;
 // From there on, more of a way's work is used than wasted.
 constexpr double kHalf = 0.5;
 // A round of fewer pairs two edges apart, of those chosen since photographs joined, is not worth
@@ -172,14 +174,19 @@ PairChooser::PairChooser(Database& database, const PairChoosing& choosing, const
 
 bool PairChooser::Uses(PairWay way) const { return Contains(ways_, way); }
 
-const std::map<image_t, std::vector<Candidate>>& PairChooser::Candidates() {
-  if (!candidates_) {
-    candidates_.emplace();
-    if (Uses(PairWay::kRetrieval)) {
-      *candidates_ = ReadCandidates(database_, choosing_.options, run_);
-    }
+Candidates PairChooser::Find(const Queries& queries, int num) {
+  if (!Uses(PairWay::kRetrieval)) return {};
+  if (!described_) described_ = DescribeImages(database_, choosing_.options, run_);
+  return FindCandidates(*described_, queries, num, run_.num_threads);
+}
+
+const Candidates& PairChooser::FirstCandidates() {
+  if (!first_candidates_) {
+    Queries all;
+    for (const auto& [id, num] : num_descriptors_) all[id];
+    first_candidates_ = Find(all, kCandidatesPerNeighbor * choosing_.options.retrieval_neighbors);
   }
-  return *candidates_;
+  return *first_candidates_;
 }
 
 void PairChooser::AddSequential(const PhotoFacts& facts, Stage& stage, Choices& choices) {
@@ -201,7 +208,8 @@ void PairChooser::AddSequential(const PhotoFacts& facts, Stage& stage, Choices& 
         options.overlap, options.quadratic_overlap);
     return;
   }
-  const std::vector<image_pair_t> alike = RetrievalPairs(Candidates(), options.retrieval_neighbors);
+  const std::vector<image_pair_t> alike =
+      RetrievalPairs(FirstCandidates(), options.retrieval_neighbors);
   for (const auto& sequences :
        {SequencesByName(images_), SequencesByTime(images_, facts.taken_at_s)}) {
     if (ShareOfAlikeNeighbors(sequences, alike) >= kHalf) add(sequences, kAutoOverlap, false);
@@ -238,7 +246,7 @@ PairChooser::Choices PairChooser::FirstChoices(Stage& stage) {
   if (is_auto_ || Uses(PairWay::kSequential)) AddSequential(facts, stage, choices);
   if (is_auto_ || Uses(PairWay::kSpatial)) AddSpatial(facts, stage, choices);
   for (const image_pair_t pair :
-       RetrievalPairs(Candidates(), choosing_.options.retrieval_neighbors)) {
+       RetrievalPairs(FirstCandidates(), choosing_.options.retrieval_neighbors)) {
     choices.emplace(pair, PairReason::kRetrieval);
   }
   return choices;
@@ -264,10 +272,14 @@ PairChooser::Choices PairChooser::NextChoices(const std::vector<PairChoiceRecord
     if (static_cast<double>(pairs.size()) >= min_num) add(pairs, PairReason::kTwoEdges);
   }
   if (yields(PairReason::kLoop) >= kHalf) {
-    add(PairsClosingLoops(evidence, Candidates()), PairReason::kLoop);
+    const Candidates found =
+        Find(AskForLoops(evidence, run_.num_threads), options.retrieval_neighbors);
+    add(PairsClosingLoops(evidence, FirstCandidates(), found), PairReason::kLoop);
   }
   if (yields(PairReason::kWeak) > 0) {
-    add(PairsForWeakImages(evidence, Candidates(), options.retrieval_neighbors), PairReason::kWeak);
+    const int num = kCandidatesPerNeighbor * options.retrieval_neighbors;
+    add(RetrievalPairs(Find(AskForWeakImages(evidence), num), options.retrieval_neighbors),
+        PairReason::kWeak);
   }
   return choices;
 }

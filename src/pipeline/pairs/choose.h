@@ -51,7 +51,9 @@ class PairChooser {
 
   bool IsExhaustive() const { return ways_.front() == PairWay::kExhaustive; }
   bool Uses(PairWay way) const;
-  const std::map<image_t, std::vector<Candidate>>& Candidates();
+  // Candidates among the images, `num` for each that asks; none without retrieval.
+  Candidates Find(const Queries& queries, int num);
+  const Candidates& FirstCandidates();
   void AddSequential(const PhotoFacts& facts, Stage& stage, Choices& choices);
   void AddSpatial(const PhotoFacts& facts, Stage& stage, Choices& choices);
   Choices FirstChoices(Stage& stage);
@@ -68,7 +70,8 @@ class PairChooser {
   std::map<image_t, int> num_descriptors_;
   bool is_auto_ = false;
   std::vector<PairWay> ways_;
-  std::optional<std::map<image_t, std::vector<Candidate>>> candidates_;
+  std::optional<DescribedImages> described_;
+  std::optional<Candidates> first_candidates_;
 };
 
 }  // namespace cairn

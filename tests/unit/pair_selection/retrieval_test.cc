@@ -46,61 +46,79 @@ FloatRows SamplesOf(const std::vector<Descriptors>& images) {
   return samples;
 }
 
-FloatRows Describe(const std::vector<Descriptors>& images, const FloatRows& words) {
-  FloatRows rows(static_cast<Eigen::Index>(images.size()), words.size());
+constexpr image_t kFirstId = 100;
+
+DescribedImages Describe(const std::vector<Descriptors>& images, const FloatRows& words) {
+  DescribedImages described;
+  described.descriptions.resize(static_cast<Eigen::Index>(images.size()), words.size());
   for (size_t i = 0; i < images.size(); ++i) {
-    rows.row(static_cast<Eigen::Index>(i)) = DescribeImage(images[i], words);
+    described.ids.push_back(kFirstId + static_cast<image_t>(i));
+    described.descriptions.row(static_cast<Eigen::Index>(i)) = DescribeImage(images[i], words);
   }
-  return rows;
+  return described;
+}
+
+Queries All(const DescribedImages& images) {
+  Queries queries;
+  for (const image_t id : images.ids) queries[id];
+  return queries;
+}
+
+std::vector<std::vector<image_t>> SimilarToAll(const DescribedImages& images, int num,
+                                               int num_threads) {
+  return MostSimilar(images, All(images), num, num_threads);
 }
 
 TEST(Retrieval, ImagesThatShareMostComeFirst) {
   const std::vector<Descriptors> images = RingImages();
-  const FloatRows rows = Describe(images, TrainWords(SamplesOf(images), 16, 2));
-  const auto similar = MostSimilarRows(rows, 4, 2);
+  const DescribedImages described = Describe(images, TrainWords(SamplesOf(images), 16, 2));
+  const auto similar = SimilarToAll(described, 4, 2);
   for (int i = 0; i < kNumImages; ++i) {
-    const auto at = [&](int step) { return (i + step + kNumImages) % kNumImages; };
-    EXPECT_NEAR(rows.row(i).norm(), 1, 1e-5);
-    EXPECT_THAT(std::vector<int>(similar[i].begin(), similar[i].begin() + 2),
+    const auto at = [&](int step) { return kFirstId + (i + step + kNumImages) % kNumImages; };
+    EXPECT_NEAR(described.descriptions.row(i).norm(), 1, 1e-5);
+    EXPECT_THAT(std::vector<image_t>(similar[i].begin(), similar[i].begin() + 2),
                 UnorderedElementsAre(at(1), at(-1)));
     EXPECT_THAT(similar[i], UnorderedElementsAre(at(1), at(-1), at(2), at(-2)));
   }
+  // Frames of one pass of a video hide those of another one, unless they are left out.
+  const auto others = MostSimilar(described, {{7, {}}, {105, {104, 106}}}, 2, 1);
+  ASSERT_EQ(others.size(), 1u);
+  EXPECT_THAT(others[0], UnorderedElementsAre(103, 107));
 }
 
 TEST(Retrieval, LargestFeaturesDecideTheOrder) {
   const std::vector<Descriptors> images = RingImages();
-  const FloatRows rows = Describe(images, TrainWords(SamplesOf(images), 16, 2));
-  std::vector<image_t> ids;
-  std::vector<Descriptors> largest;
+  DescribedImages described = Describe(images, TrainWords(SamplesOf(images), 16, 2));
   std::vector<Keypoint> keypoints(3 * kPerPlace);
   // The last place is seen with the largest features.
   for (int k = 0; k < 3 * kPerPlace; ++k) keypoints[k].a11 = static_cast<float>(1 + k / kPerPlace);
   for (int i = 0; i < kNumImages; ++i) {
-    ids.push_back(100 + i);
-    largest.push_back(LargestFeatures(keypoints, images[i], 2 * kPerPlace));
+    described.largest_features.push_back(LargestFeatures(keypoints, images[i], 2 * kPerPlace));
   }
-  const auto candidates = FindCandidates(ids, rows, largest, 6, 2);
-  EXPECT_EQ(candidates.size(), ids.size());
+  const Candidates candidates = FindCandidates(described, All(described), 6, 2);
+  EXPECT_EQ(candidates.size(), described.ids.size());
   for (const auto& [id, of_image] : candidates) {
     ASSERT_EQ(of_image.size(), 6u);
     EXPECT_GE(of_image[1].num_matches, kPerPlace - 2) << id;  // one of two places
     EXPECT_LE(of_image[2].num_matches, 2) << id;
   }
   const auto pairs = RetrievalPairs(candidates, 2);
-  EXPECT_EQ(pairs.size(), ids.size());  // the ring
+  EXPECT_EQ(pairs.size(), described.ids.size());  // the ring
   EXPECT_EQ(pairs[0], ImagePairToPairId(100, 101));
   EXPECT_EQ(pairs[1], ImagePairToPairId(100, 100 + kNumImages - 1));
+  const Candidates of_one = FindCandidates(described, {{105, {104}}}, 6, 2);
+  EXPECT_EQ(of_one.at(105).front(), (Candidate{106, candidates.at(106).at(0).num_matches}));
 }
 
 TEST(Retrieval, SameForAnyNumberOfThreads) {
   const std::vector<Descriptors> images = RingImages();
   const FloatRows samples = SamplesOf(images);
   const FloatRows words = TrainWords(samples, 16, 1);
-  const auto similar = MostSimilarRows(Describe(images, words), 5, 1);
+  const auto similar = SimilarToAll(Describe(images, words), 5, 1);
   for (const int num_threads : {2, 8}) {
     EXPECT_EQ(TrainWords(samples, 16, num_threads), words);
     EXPECT_EQ(TrainWords(samples, 7, num_threads).rows(), 7);
-    EXPECT_EQ(MostSimilarRows(Describe(images, words), 5, num_threads), similar);
+    EXPECT_EQ(SimilarToAll(Describe(images, words), 5, num_threads), similar);
   }
 }
 
@@ -115,7 +133,7 @@ TEST(Retrieval, ABurstOfOneFeatureDoesNotOutweighTheRest) {
     images[i].conservativeResize(3 * rows, 128);
     for (Eigen::Index k = rows; k < 3 * rows; ++k) images[i].row(k) = window;
   }
-  const FloatRows descriptions = Describe(images, words);
+  const FloatRows descriptions = Describe(images, words).descriptions;
   EXPECT_GT(descriptions.row(0).dot(descriptions.row(1)),
             descriptions.row(0).dot(descriptions.row(12)));
 }
@@ -125,7 +143,7 @@ TEST(Retrieval, FewerSamplesThanWordsAndImagesWithoutFeatures) {
   EXPECT_EQ(words.rows(), 5);
   EXPECT_EQ(DescribeImage(Descriptors(0, 128), words).norm(), 0);
   EXPECT_EQ(TrainWords(FloatRows(0, 128), 16, 1).rows(), 0);
-  EXPECT_EQ(MostSimilarRows(FloatRows::Zero(1, 5), 3, 1)[0].size(), 0u);
+  EXPECT_EQ(SimilarToAll({{1}, FloatRows::Zero(1, 5), {}}, 3, 1)[0].size(), 0u);
 }
 
 }  // namespace

@@ -4,8 +4,6 @@
 namespace cairn {
 namespace {
 
-using Candidates = std::map<image_t, std::vector<Candidate>>;
-
 const auto pair = ImagePairToPairId;
 
 // Keypoints first .. first + num of one image are the same ones of the other.
@@ -54,19 +52,23 @@ TEST(PairsClosingLoops, FarInTheGraphAndAlike) {
   PairEvidence evidence;
   for (image_t i = 1; i < 8; ++i) AddVerified(evidence, i, i + 1);
   evidence.matched.insert(pair(4, 7));
-  Candidates candidates;
-  for (image_t i = 1; i < 8; ++i) candidates[i] = {{i + 1, 30}};
-  candidates[1] = {{2, 30}, {3, 29}, {8, 21}, {7, 20}};
-  candidates[4] = {{5, 30}, {1, 12}, {7, 10}};
-  candidates[5] = {{1, 19}};
+  const Queries queries = AskForLoops(evidence, 2);
+  EXPECT_EQ(queries.size(), 8u);
+  EXPECT_THAT(queries.at(1), ElementsAre(1, 2, 3));
+  EXPECT_THAT(queries.at(4), ElementsAre(2, 3, 4, 5, 6, 7));
+
+  Candidates first;
+  for (image_t i = 1; i < 8; ++i) first[i] = {{i + 1, 30}};
+  first[4].push_back({7, 10});
+  const Candidates found = {{1, {{8, 21}, {7, 20}}}, {3, {}}, {5, {{1, 19}}}};
   // Pairs with 30 are verified, the one with 10 is not.
-  EXPECT_THAT(PairsClosingLoops(evidence, candidates), ElementsAre());
+  EXPECT_THAT(PairsClosingLoops(evidence, first, found), ElementsAre());
   AddVerified(evidence, 2, 4);
-  candidates[2].push_back({4, 20});
-  EXPECT_THAT(PairsClosingLoops(evidence, candidates), ElementsAre(pair(1, 8)));
+  first[2].push_back({4, 20});
+  EXPECT_THAT(PairsClosingLoops(evidence, first, found), ElementsAre(pair(1, 8)));
 }
 
-TEST(PairsForWeakImages, FewPairsOrApart) {
+TEST(AskForWeakImages, FewPairsOrApart) {
   PairEvidence evidence;
   for (image_t i = 1; i <= 5; ++i) {
     for (image_t j = i + 1; j <= 5; ++j) AddVerified(evidence, i, j);
@@ -77,13 +79,11 @@ TEST(PairsForWeakImages, FewPairsOrApart) {
   }
   evidence.images.insert(11);
   evidence.matched.insert(pair(1, 11));
-  Candidates candidates;
-  candidates[1] = {{6, 9}};                           // has enough
-  candidates[6] = {{5, 9}, {4, 8}, {3, 7}, {2, 6}};   // has one
-  candidates[8] = {{9, 9}, {10, 9}, {2, 5}};          // is apart
-  candidates[11] = {{1, 9}, {2, 2}, {8, 1}, {3, 0}};  // has none
-  EXPECT_THAT(PairsForWeakImages(evidence, candidates, 2),
-              ElementsAre(pair(2, 8), pair(2, 11), pair(3, 6), pair(4, 6), pair(8, 11)));
+  const Queries queries = AskForWeakImages(evidence);
+  EXPECT_EQ(queries.size(), 6u);                         // 1 to 5 have enough
+  EXPECT_THAT(queries.at(6), ElementsAre(5));            // has one
+  EXPECT_THAT(queries.at(8), ElementsAre(7, 8, 9, 10));  // is apart
+  EXPECT_THAT(queries.at(11), ElementsAre(1, 11));       // has none
 }
 
 }  // namespace

@@ -109,7 +109,10 @@ TEST(ChoosePairs, EachWayAndItsOptions) {
 TEST(ChoosePairs, FewerWordsFindOtherCandidates) {
   const RingDatabase ring(60);
   const auto candidates = [&](int num_words) {
-    return ReadCandidates(ring.database, {.num_words = num_words, .retrieval_neighbors = 2}, {});
+    const DescribedImages images = DescribeImages(ring.database, {.num_words = num_words}, {});
+    Queries all;
+    for (const image_t id : images.ids) all[id];
+    return FindCandidates(images, all, 12, 1);
   };
   EXPECT_EQ(candidates(64), candidates(64));
   EXPECT_NE(candidates(64), candidates(2));
