@@ -60,14 +60,17 @@ bool CheckModel(StageContext& context, size_t num_images, const ModelEvidence& e
   ModelStage stage(context, "checks");
   if (const std::string reason = ReasonToRefuse(model); !reason.empty()) {
     stage.Fail("the model was refused: " + reason,
-               "look at the view graph with global_sfm inspect, and add photos that overlap more");
+               context.has_mostly_parallel_rays
+                   ? "most of what the photos share shows no parallax: take some from other places"
+                   : "look at the view graph with global_sfm inspect, and add photos that overlap "
+                     "more");
     return false;
   }
   const std::string percent = std::to_string(std::lround(100 * evidence.inside.Share()));
   stage.Note("a model of " + std::to_string(model.images.size()) + " of " +
-             std::to_string(num_images) + " images explains " + percent +
-             " % of their verified matches (" + std::to_string(std::llround(evidence.nats)) +
-             " nats of evidence)");
+             std::to_string(std::max(num_images, model.images.size())) + " images explains " +
+             percent + " % of their verified matches (" +
+             std::to_string(std::llround(evidence.nats)) + " nats of evidence)");
   stage.Add("images", model.images.size());
   stage.Add("images_of_component", num_images);
   stage.Add("points", model.points3D.size());

@@ -119,8 +119,10 @@ struct LoopErrors {
 };
 
 // Of loops whose edges have poses in both `before` and `after`, which are alike in all but poses,
-// and that close by one of them: loops with wrong pairs change by chance.
+// and that close by one of them: loops with wrong pairs change by chance. A pixel is an angle in
+// proportion to 1 / focal length, so that errors before count `before_scales` times.
 std::vector<LoopErrors> CompareLoops(const SceneData& scene, double max_error_deg,
+                                     const std::map<camera_t, double>& before_scales,
                                      const std::vector<ViewEdge>& before,
                                      const std::vector<ViewEdge>& after) {
   std::map<camera_t, int> node_of;  // a node a camera: an image's edges are its camera's
@@ -143,6 +145,10 @@ std::vector<LoopErrors> CompareLoops(const SceneData& scene, double max_error_de
   for (const auto& [id, node] : node_of) {
     errors[components.component_of_node[node]].cameras.insert(id);
   }
+  const auto scale_of = [&](int node) {
+    const auto scale = before_scales.find(scene.CameraIdOf(images.IdOf(node)));
+    return scale != before_scales.end() ? scale->second : 1.0;
+  };
   LoopFinder finder(images.size(), image_graph);
   for (size_t e = 0; e < image_graph.size(); ++e) {
     const auto [node1, node2] = image_graph[e];
@@ -153,7 +159,8 @@ std::vector<LoopErrors> CompareLoops(const SceneData& scene, double max_error_de
         return LoopErrorDeg(edges[index[e]], edges[index[corner.edge1]],
                             edges[index[corner.edge2]]);
       };
-      const double before_deg = error_deg(before), after_deg = error_deg(after);
+      const double scale = std::cbrt(scale_of(node1) * scale_of(node2) * scale_of(corner.node));
+      const double before_deg = scale * error_deg(before), after_deg = error_deg(after);
       if (std::min(before_deg, after_deg) > max_error_deg) continue;
       loops.edges.insert({e, static_cast<size_t>(corner.edge1), static_cast<size_t>(corner.edge2)});
       loops.before_deg.push_back(before_deg);
@@ -224,7 +231,12 @@ void TakeBackRejected(const std::map<camera_t, CalibratedFocal>& focals,
                       const std::set<camera_t>& calibrated, double max_error_deg,
                       const std::vector<ViewEdge>& before, Stage& stage, SceneData& scene) {
   std::set<camera_t> rejected;
-  for (const LoopErrors& loops : CompareLoops(scene, max_error_deg, before, scene.edges)) {
+  std::map<camera_t, double> before_scales;
+  for (const camera_t id : calibrated) {
+    before_scales[id] = focals.at(id).focal_before_px / focals.at(id).focal_px;
+  }
+  for (const LoopErrors& loops :
+       CompareLoops(scene, max_error_deg, before_scales, before, scene.edges)) {
     std::set<camera_t> cameras;
     std::ranges::set_intersection(loops.cameras, calibrated, std::inserter(cameras, cameras.end()));
     const bool overrules_exif = std::ranges::any_of(
@@ -233,7 +245,7 @@ void TakeBackRejected(const std::map<camera_t, CalibratedFocal>& focals,
     if (!overrules_exif) rejected.insert(cameras.begin(), cameras.end());
     stage.Note(Formatted(
         "%zu loops of rotations close to %.2f deg (median) with calibrated focal lengths, "
-        "to %.2f deg without: the calibrated focal lengths of %zu cameras are %s",
+        "to %.2f deg, in pixels, without: the calibrated focal lengths of %zu cameras are %s",
         loops.before_deg.size(), UpperMedian(loops.after_deg), UpperMedian(loops.before_deg),
         cameras.size(), overrules_exif ? "kept, since pairs contradict EXIF" : "rejected"));
   }

@@ -20,6 +20,7 @@ class ImageNodes {
   }
 
   int size() const { return static_cast<int>(ids_.size()); }
+  image_t IdOf(int node) const { return ids_[node]; }
   GraphEdge EdgeOf(const ViewEdge& edge) const { return EdgeOf(edge.image_id1, edge.image_id2); }
   GraphEdge EdgeOf(image_t id1, image_t id2) const {
     return {IndexIn(ids_, id1), IndexIn(ids_, id2)};

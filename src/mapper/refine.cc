@@ -226,6 +226,7 @@ void AdjustWithPriors(StageContext& context, const PlacePriors& priors, Reconstr
 void FindStart(StageContext& context, std::span<const Track> tracks, Reconstruction& model) {
   const TrackAngles angles = FindTrackAngles(context, tracks, model);
   context.min_angle_deg = angles.min_deg;
+  context.has_mostly_parallel_rays = angles.are_mostly_none;
   // (The longest are those of what is far away.)
   std::vector<Track> wide;
   for (size_t i = 0; i < tracks.size(); ++i) {

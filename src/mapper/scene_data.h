@@ -72,6 +72,7 @@ struct StageContext {
   std::set<image_t> reserved{};
   std::set<camera_t> free_principal_points{};  // bundle adjustment of the model refines them
   double min_angle_deg = TriangulationOptions().min_angle_deg;  // of points, see TrackAngles
+  bool has_mostly_parallel_rays = false;
 };
 
 // A stage of one model.

@@ -252,8 +252,9 @@ inline constexpr double kMinParallaxPx = 4.0;
 // The angles between the rays of tracks, by the model's rotations alone.
 struct TrackAngles {
   // Smallest one of a point: triangulation.min_angle_deg, or, where most tracks have smaller ones,
-  // that of kMinParallaxPx.
+  // half of what half of them have (adjustment changes it), and not below that of kMinParallaxPx.
   double min_deg = 0;
+  bool are_mostly_none = false;  // less than that of kMinParallaxPx
   std::vector<double> of_tracks_deg;
 };
 TrackAngles FindTrackAngles(const StageContext& context, std::span<const Track> tracks,

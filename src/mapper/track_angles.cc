@@ -36,14 +36,17 @@ double IndistinctAngle(const Reconstruction& model) {
 
 TrackAngles FindTrackAngles(const StageContext& context, std::span<const Track> tracks,
                             const Reconstruction& model) {
-  TrackAngles angles{context.settings.triangulation.min_angle_deg, {}};
+  TrackAngles angles{context.settings.triangulation.min_angle_deg, false, {}};
   angles.of_tracks_deg.resize(tracks.size());
   ParallelFor(
       context.run.num_threads, std::ssize(tracks),
       [&](int64_t i) { angles.of_tracks_deg[i] = RadToDeg(WidestAngle(tracks[i], model)); }, 256);
   if (tracks.empty()) return angles;
-  if (UpperMedian(angles.of_tracks_deg) < angles.min_deg) {
-    angles.min_deg = std::min(angles.min_deg, RadToDeg(IndistinctAngle(model)));
+  const double median_deg = UpperMedian(angles.of_tracks_deg);
+  const double indistinct_deg = RadToDeg(IndistinctAngle(model));
+  angles.are_mostly_none = median_deg < indistinct_deg;
+  if (median_deg < angles.min_deg) {
+    angles.min_deg = std::min(angles.min_deg, std::max(0.5 * median_deg, indistinct_deg));
   }
   return angles;
 }
