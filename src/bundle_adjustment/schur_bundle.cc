@@ -209,8 +209,8 @@ class SchurBundle {
                             linear_[b].by_camera.data(),
                             system_.BlockAt(block_of[observations_.all[b].image]).data()});
       }
-      internal::SubtractFromBlocks<kBlock>(J.data(), partners.data(),
-                                           static_cast<int>(partners.size()));
+      internal::SubtractFromBlocks(kBlock, J.data(), partners.data(),
+                                   static_cast<int>(partners.size()));
     }
     return right;
   }

@@ -1,5 +1,7 @@
 #include "bundle_adjustment/schur_kernels.h"
 
+#include "cairn/base/check.h"
+
 // These would only cost compile time.
 #define HWY_DISABLED_TARGETS (HWY_SSSE3 | HWY_AVX3_DL)
 #undef HWY_TARGET_INCLUDE
@@ -47,13 +49,10 @@ HWY_INLINE void SubtractAll(const double* J, const SchurPartner* partners, int n
   }
 }
 
-void Subtract10(const double* J, const SchurPartner* partners, int num_partners) {
-  SubtractAll<10>(J, partners, num_partners);
-}
-void Subtract14(const double* J, const SchurPartner* partners, int num_partners) {
-  SubtractAll<14>(J, partners, num_partners);
-}
-void Subtract22(const double* J, const SchurPartner* partners, int num_partners) {
+void Subtract(int block_size, const double* J, const SchurPartner* partners, int num_partners) {
+  if (block_size == 10) return SubtractAll<10>(J, partners, num_partners);
+  if (block_size == 14) return SubtractAll<14>(J, partners, num_partners);
+  CAIRN_CHECK_EQ(block_size, 22);
   SubtractAll<22>(J, partners, num_partners);
 }
 
@@ -63,25 +62,12 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace cairn {
 
-HWY_EXPORT(Subtract10);
-HWY_EXPORT(Subtract14);
-HWY_EXPORT(Subtract22);
+HWY_EXPORT(Subtract);
 
-namespace internal {
-
-template <>
-void SubtractFromBlocks<10>(const double* J, const SchurPartner* partners, int num_partners) {
-  HWY_DYNAMIC_DISPATCH(Subtract10)(J, partners, num_partners);
-}
-template <>
-void SubtractFromBlocks<14>(const double* J, const SchurPartner* partners, int num_partners) {
-  HWY_DYNAMIC_DISPATCH(Subtract14)(J, partners, num_partners);
-}
-template <>
-void SubtractFromBlocks<22>(const double* J, const SchurPartner* partners, int num_partners) {
-  HWY_DYNAMIC_DISPATCH(Subtract22)(J, partners, num_partners);
+void internal::SubtractFromBlocks(int block_size, const double* J, const SchurPartner* partners,
+                                  int num_partners) {
+  HWY_DYNAMIC_DISPATCH(Subtract)(block_size, J, partners, num_partners);
 }
 
-}  // namespace internal
 }  // namespace cairn
 #endif

@@ -11,16 +11,10 @@ struct SchurPartner {
   double* block;   // kBlock x kBlock, row-major
 };
 
-// block -= J^T (M C) for each partner of the observation that J (2 x kBlock, row-major) is of. The
-// instruction set is chosen at run time (Google Highway), and every one gives the same bits.
-template <int kBlock>
-void SubtractFromBlocks(const double* J, const SchurPartner* partners, int num_partners);
-
-template <>
-void SubtractFromBlocks<10>(const double* J, const SchurPartner* partners, int num_partners);
-template <>
-void SubtractFromBlocks<14>(const double* J, const SchurPartner* partners, int num_partners);
-template <>
-void SubtractFromBlocks<22>(const double* J, const SchurPartner* partners, int num_partners);
+// block -= J^T (M C) for each partner of the observation that J (2 x kBlock, row-major) is of, for
+// a kBlock of 10, 14 or 22. The instruction set is chosen at run time (Google Highway), and every
+// one gives the same bits.
+void SubtractFromBlocks(int block_size, const double* J, const SchurPartner* partners,
+                        int num_partners);
 
 }  // namespace cairn::internal

@@ -43,7 +43,7 @@ void ExpectSumsOfProducts() {
                           C[i].data(),
                           blocks[block_of[i]].data()});
     }
-    internal::SubtractFromBlocks<kBlock>(J.data(), partners.data(), 3);
+    internal::SubtractFromBlocks(kBlock, J.data(), partners.data(), 3);
     for (int k = 0; k < 2; ++k) EXPECT_TRUE(blocks[k].isApprox(expected[k], 1e-12));
     if (first.empty()) first = blocks;
     EXPECT_EQ(blocks, first) << "the bits depend on the instruction set";
