@@ -36,7 +36,7 @@ PosedCameras ReadPoses(const std::string& path, const std::string& list_path) {
   return PosedCamerasOf(ReadModel(path, {.list_path = list_path, .read_points = false}));
 }
 
-int Run(const EvaluateFlags& flags) {
+int Run(Command&, EvaluateFlags& flags) {
   ConsoleMonitor monitor;
   WarnOfUnfinishedModels(flags.model_path, monitor);
   const PosedCameras estimate = ReadPoses(flags.model_path, flags.model_list);
@@ -57,15 +57,9 @@ int Run(const EvaluateFlags& flags) {
 }  // namespace
 
 void AddEvaluateCommand(Program& program) {
-  Command& command =
-      program.AddCommand("evaluate", "Compares a model's camera poses with a reference.");
-  const auto flags = std::make_shared<EvaluateFlags>();
-  command.AddOptions("", *flags);
-  command.SetRun([&command, flags] {
-    command.Require("model_path");
-    command.Require("reference_path");
-    return Run(*flags);
-  });
+  AddCommand<EvaluateFlags>(program, "evaluate",
+                            "Compares a model's camera poses with a reference.",
+                            {"model_path", "reference_path"}, Run);
 }
 
 }  // namespace cairn

@@ -115,7 +115,10 @@ void WarnOfBlanks(const Reconstruction& reconstruction, ProgressMonitor& monitor
                   "colmap_bin keeps them");
 }
 
-int Run(const ExportFlags& flags) {
+int Run(Command& command, ExportFlags& flags) {
+  if (flags.output_type == "1dsfm") {
+    for (const char* key : {"database_path", "image_path"}) command.Require(key);
+  }
   ConsoleMonitor monitor;
   WarnOfUnfinishedModels(flags.model_path, monitor);
   Reconstruction reconstruction = ReadModel(flags.model_path, {.list_path = flags.model_list});
@@ -157,18 +160,8 @@ int Run(const ExportFlags& flags) {
 }  // namespace
 
 void AddExportCommand(Program& program) {
-  Command& command = program.AddCommand("export", "Writes a model in another format.");
-  const auto flags = std::make_shared<ExportFlags>();
-  command.AddOptions("", *flags);
-  command.SetRun([&command, flags] {
-    command.Require("model_path");
-    command.Require("output_path");
-    if (flags->output_type == "1dsfm") {
-      command.Require("database_path");
-      command.Require("image_path");
-    }
-    return Run(*flags);
-  });
+  AddCommand<ExportFlags>(program, "export", "Writes a model in another format.",
+                          {"model_path", "output_path"}, Run);
 }
 
 }  // namespace cairn

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <filesystem>
-#include <memory>
 
 #include "cairn/base/error.h"
 #include "cairn/io/colmap_model.h"
@@ -63,7 +62,7 @@ void Describe(const Georegistration& found, ProgressMonitor& monitor) {
                            found.enu_from_world.scale));
 }
 
-int Run(const GeoregisterFlags& flags) {
+int Run(Command&, GeoregisterFlags& flags) {
   const bool has_gps = !flags.gps_path.empty() || !flags.image_path.empty();
   if (!has_gps && flags.gcp_path.empty()) {
     throw ConfigError("gps_path", "or image_path or gcp_path is required");
@@ -100,14 +99,9 @@ int Run(const GeoregisterFlags& flags) {
 }  // namespace
 
 void AddGeoregisterCommand(Program& program) {
-  Command& command = program.AddCommand(
-      "georegister", "Where on Earth a model is, by the positions of its photographs.");
-  const auto flags = std::make_shared<GeoregisterFlags>();
-  command.AddOptions("", *flags);
-  command.SetRun([&command, flags] {
-    command.Require("model_path");
-    return Run(*flags);
-  });
+  AddCommand<GeoregisterFlags>(program, "georegister",
+                               "Where on Earth a model is, by the positions of its photographs.",
+                               {"model_path"}, Run);
 }
 
 }  // namespace cairn

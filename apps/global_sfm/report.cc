@@ -1,7 +1,6 @@
 #include <spdlog/spdlog.h>
 
 #include <filesystem>
-#include <memory>
 
 #include "base/output_folder.h"
 #include "cairn/base/error.h"
@@ -68,7 +67,6 @@ void CompleteFlags(const std::string& folder, Command& command, const ReportFlag
 }
 
 int Run(Command& command, ReportFlags& flags) {
-  for (const char* key : {"model_path", "output_path"}) command.Require(key);
   const std::string folder = RunFolderOf(flags.model_path);
   CompleteFlags(folder, command, flags);
   ConsoleMonitor monitor;
@@ -100,11 +98,10 @@ int Run(Command& command, ReportFlags& flags) {
 }  // namespace
 
 void AddReportCommand(Program& program) {
-  Command& command = program.AddCommand(
-      "report", "A page for the browser that shows a reconstruction, or why there is none.");
-  const auto flags = std::make_shared<ReportFlags>();
-  command.AddOptions("", *flags);
-  command.SetRun([&command, flags] { return Run(command, *flags); });
+  AddCommand<ReportFlags>(
+      program, "report",
+      "A page for the browser that shows a reconstruction, or why there is none.",
+      {"model_path", "output_path"}, Run);
 }
 
 }  // namespace cairn

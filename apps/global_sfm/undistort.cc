@@ -1,7 +1,6 @@
 #include "cairn/undistortion/undistort.h"
 
 #include <map>
-#include <memory>
 
 #include "cairn/io/colmap_model.h"
 #include "cairn/io/model.h"
@@ -52,7 +51,7 @@ void WarnOfFailed(const std::map<std::string, std::string>& failed, ProgressMoni
   }
 }
 
-int Run(const Command& command, const UndistortFlags& flags) {
+int Run(Command& command, UndistortFlags& flags) {
   ConsoleMonitor monitor;
   WarnOfUnfinishedModels(flags.model_path, monitor);
   const std::string model_path = LargestModelIn(flags.model_path);
@@ -78,14 +77,10 @@ int Run(const Command& command, const UndistortFlags& flags) {
 }  // namespace
 
 void AddUndistortCommand(Program& program) {
-  Command& command = program.AddCommand(
-      "undistort", "Pinhole images and their model, for dense stereo and Gaussian splatting.");
-  const auto flags = std::make_shared<UndistortFlags>();
-  command.AddOptions("", *flags);
-  command.SetRun([&command, flags] {
-    for (const char* key : {"model_path", "image_path", "output_path"}) command.Require(key);
-    return Run(command, *flags);
-  });
+  AddCommand<UndistortFlags>(
+      program, "undistort",
+      "Pinhole images and their model, for dense stereo and Gaussian splatting.",
+      {"model_path", "image_path", "output_path"}, Run);
 }
 
 }  // namespace cairn
