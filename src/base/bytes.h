@@ -12,11 +12,11 @@
 
 namespace cairn {
 
-// What a value consists of, where it is more than plain memory, a text, a vector or an optional
-// value: `Visit(bytes, value)` gives its parts to `bytes`, a ByteSink or a ByteSource. So one list
-// of fields writes and reads.
-template <class T>
-struct BytesOf;
+// T or const T. `void VisitBytes(auto& bytes, Is<T> auto& value)` gives the parts of a value, where
+// it is more than plain memory, a text, a vector or an optional value, to `bytes`, a ByteSink or a
+// ByteSource. So one list of fields writes and reads.
+template <class Value, class T>
+concept Is = std::is_same_v<std::remove_const_t<Value>, T>;
 
 // Values as bytes in memory, for another process of the same program: no format that is kept.
 class ByteSink {
@@ -44,7 +44,7 @@ class ByteSink {
     if constexpr (std::is_trivially_copyable_v<T>) {
       AddMemory(&value, 1);
     } else {
-      BytesOf<T>::Visit(*this, value);
+      VisitBytes(*this, value);
     }
   }
   void Add(const std::string& text) { AddText(text); }
@@ -102,7 +102,7 @@ class ByteSource {
     if constexpr (std::is_trivially_copyable_v<T>) {
       ReadMemory(&value, 1);
     } else {
-      BytesOf<T>::Visit(*this, value);
+      VisitBytes(*this, value);
     }
   }
   void Read(std::string& text) { text = GetText(); }

@@ -14,13 +14,13 @@ HelperHello HelperHello::OfThisProcess() {
   return {HashFile("/proc/self/exe"), static_cast<int>(std::thread::hardware_concurrency()), host};
 }
 
-void BytesOf<Descriptors>::Visit(ByteSink& bytes, const Descriptors& descriptors) {
+void VisitBytes(ByteSink& bytes, const Descriptors& descriptors) {
   bytes(descriptors.cols());
   bytes.AddText(
       {reinterpret_cast<const char*>(descriptors.data()), static_cast<size_t>(descriptors.size())});
 }
 
-void BytesOf<Descriptors>::Visit(ByteSource& bytes, Descriptors& descriptors) {
+void VisitBytes(ByteSource& bytes, Descriptors& descriptors) {
   const auto num_columns = bytes.Get<Eigen::Index>();
   const std::string_view values = bytes.GetText();
   const Eigen::Index num_rows = num_columns > 0 ? std::ssize(values) / num_columns : 0;

@@ -70,93 +70,57 @@ inline MatchResult MatchTask(const PairTask& task, const MatchingOptions& option
 }
 
 // The fields of messages (base/bytes.h).
-template <>
-struct BytesOf<HelperHello> {
-  static void Visit(auto& bytes, auto& hello) {
-    bytes(hello.build_hash, hello.num_threads, hello.host);
-  }
-};
-template <>
-struct BytesOf<HelperSetup> {
-  static void Visit(auto& bytes, auto& setup) {
-    bytes(setup.seed, setup.num_threads, setup.verifier, setup.features, setup.matching,
-          setup.verification);
-  }
-};
-template <>
-struct BytesOf<PhotoTask> {
-  static void Visit(auto& bytes, auto& task) {
-    bytes(task.item, task.photo.path, task.photo.mask_path, task.camera_size, task.input_hash);
-  }
-};
-template <>
-struct BytesOf<PhotoResult> {
-  static void Visit(auto& bytes, auto& result) {
-    bytes(result.item, result.error, result.features.keypoints, result.features.descriptors,
-          result.features.polarities);
-  }
-};
-template <>
-struct BytesOf<MatchResult> {
-  static void Visit(auto& bytes, auto& result) { bytes(result.pair_id, result.matches); }
-};
+void VisitBytes(auto& bytes, Is<HelperHello> auto& hello) {
+  bytes(hello.build_hash, hello.num_threads, hello.host);
+}
+void VisitBytes(auto& bytes, Is<HelperSetup> auto& setup) {
+  bytes(setup.seed, setup.num_threads, setup.verifier, setup.features, setup.matching,
+        setup.verification);
+}
+void VisitBytes(auto& bytes, Is<PhotoTask> auto& task) {
+  bytes(task.item, task.photo.path, task.photo.mask_path, task.camera_size, task.input_hash);
+}
+void VisitBytes(auto& bytes, Is<PhotoResult> auto& result) {
+  bytes(result.item, result.error, result.features.keypoints, result.features.descriptors,
+        result.features.polarities);
+}
+void VisitBytes(auto& bytes, Is<MatchResult> auto& result) {
+  bytes(result.pair_id, result.matches);
+}
 // Without the images: whether there are any follows it.
-template <>
-struct BytesOf<PairTask> {
-  static void Visit(auto& bytes, auto& task) {
-    bytes(task.pair_id, task.matches, task.are_best_first, task.weigh_focals, task.input_hash);
-  }
-};
-template <>
-struct BytesOf<Camera> {
-  static void Visit(auto& bytes, auto& camera) {
-    bytes(camera.camera_id, camera.model, camera.width, camera.height, camera.params,
-          camera.has_prior_focal_length);
-  }
-};
-template <>
-struct BytesOf<Descriptors> {
-  static void Visit(ByteSink& bytes, const Descriptors& descriptors);
-  static void Visit(ByteSource& bytes, Descriptors& descriptors);
-};
-template <>
-struct BytesOf<PairImage> {
-  static void Visit(auto& bytes, auto& image) {
-    bytes(image.camera, image.keypoints, image.depth, image.descriptors, image.polarities);
-  }
-};
-template <int kRows, int kColumns>
-struct BytesOf<Eigen::Matrix<double, kRows, kColumns>> {
-  static void Visit(auto& bytes, auto& matrix) {
-    for (int i = 0; i < kRows * kColumns; ++i) bytes(matrix.data()[i]);
-  }
-};
-template <>
-struct BytesOf<Rigid3d> {
-  static void Visit(auto& bytes, auto& pose) { bytes(pose.rotation.coeffs(), pose.translation); }
-};
-template <>
-struct BytesOf<TwoViewGeometry> {
-  static void Visit(auto& bytes, auto& geometry) {
-    bytes(geometry.config, geometry.cam2_from_cam1, geometry.E, geometry.F, geometry.H,
-          geometry.inlier_matches);
-  }
-};
+void VisitBytes(auto& bytes, Is<PairTask> auto& task) {
+  bytes(task.pair_id, task.matches, task.are_best_first, task.weigh_focals, task.input_hash);
+}
+void VisitBytes(auto& bytes, Is<Camera> auto& camera) {
+  bytes(camera.camera_id, camera.model, camera.width, camera.height, camera.params,
+        camera.has_prior_focal_length);
+}
+void VisitBytes(ByteSink& bytes, const Descriptors& descriptors);
+void VisitBytes(ByteSource& bytes, Descriptors& descriptors);
+void VisitBytes(auto& bytes, Is<PairImage> auto& image) {
+  bytes(image.camera, image.keypoints, image.depth, image.descriptors, image.polarities);
+}
+// A matrix of fixed size.
+template <class Matrix>
+requires(Matrix::SizeAtCompileTime > 0) void VisitBytes(auto& bytes, Matrix& matrix) {
+  for (Eigen::Index i = 0; i < matrix.size(); ++i) bytes(matrix.data()[i]);
+}
+void VisitBytes(auto& bytes, Is<Rigid3d> auto& pose) {
+  bytes(pose.rotation.coeffs(), pose.translation);
+}
+void VisitBytes(auto& bytes, Is<TwoViewGeometry> auto& geometry) {
+  bytes(geometry.config, geometry.cam2_from_cam1, geometry.E, geometry.F, geometry.H,
+        geometry.inlier_matches);
+}
 // What is written of a run (WriteOutcome).
-template <>
-struct BytesOf<PairOutcome::Run> {
-  static void Visit(auto& bytes, auto& run) {
-    auto& report = run.report;
-    bytes(run.verifier, run.step, run.seconds, report.status, report.geometry, report.num_inliers,
-          report.num_iterations, report.score, report.residual_px, report.triangulation_angle_deg);
-  }
-};
-template <>
-struct BytesOf<PairOutcome> {
-  static void Visit(auto& bytes, auto& outcome) {
-    bytes(outcome.pair_id, outcome.input_hash, outcome.num_matches, outcome.winner,
-          outcome.focal_evidence, outcome.runs);
-  }
-};
+void VisitBytes(auto& bytes, Is<PairOutcome::Run> auto& run) {
+  auto& report = run.report;
+  bytes(run.verifier, run.step, run.seconds, report.status, report.geometry, report.num_inliers,
+        report.num_iterations, report.score, report.residual_px, report.triangulation_angle_deg);
+}
+void VisitBytes(auto& bytes, Is<PairOutcome> auto& outcome) {
+  bytes(outcome.pair_id, outcome.input_hash, outcome.num_matches, outcome.winner,
+        outcome.focal_evidence, outcome.runs);
+}
 
 }  // namespace cairn
