@@ -80,11 +80,9 @@ std::vector<Sample> CollectSamples(const Reconstruction& reconstruction,
 // Of one bin: its median scale and the standard deviation that the median error shows.
 Sample Summarize(std::span<Sample> bin) {
   const auto middle = bin.begin() + static_cast<int64_t>(bin.size() / 2);
-  std::nth_element(bin.begin(), middle, bin.end(),
-                   [](const Sample& a, const Sample& b) { return a.scale < b.scale; });
+  std::ranges::nth_element(bin, middle, {}, &Sample::scale);
   const double scale = middle->scale;
-  std::nth_element(bin.begin(), middle, bin.end(),
-                   [](const Sample& a, const Sample& b) { return a.error_px < b.error_px; });
+  std::ranges::nth_element(bin, middle, {}, &Sample::error_px);
   return {scale, std::max(kMinSigmaPx, middle->error_px / kRayleighMedian)};
 }
 
@@ -98,8 +96,7 @@ KeypointNoise EstimateKeypointNoise(const Reconstruction& reconstruction,
                                     const KeypointScales& scales, int num_threads) {
   std::vector<Sample> samples = CollectSamples(reconstruction, scales, num_threads);
   if (samples.size() < kNumBins * kMinObservationsPerBin) return {};
-  std::sort(samples.begin(), samples.end(),
-            [](const Sample& a, const Sample& b) { return a.scale < b.scale; });
+  std::ranges::sort(samples, {}, &Sample::scale);
   // Least squares in sigma^2 = x + y scale^2 with relative errors, x and y not negative.
   double s11 = 0, s12 = 0, s22 = 0, b1 = 0, b2 = 0;
   for (int bin = 0; bin < kNumBins; ++bin) {

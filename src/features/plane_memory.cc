@@ -46,9 +46,7 @@ class WaitingBlocks {
     const std::lock_guard<std::mutex> lock(mutex_);
     num_used_ += num_bytes;
     max_used_ = std::max(max_used_, num_used_);
-    const auto found = std::find_if(waiting_.begin(), waiting_.end(), [&](const Block& block) {
-      return block.num_bytes == num_bytes;
-    });
+    const auto found = std::ranges::find(waiting_, num_bytes, &Block::num_bytes);
     if (found == waiting_.end()) {
       Shrink();
       return Map(num_bytes);

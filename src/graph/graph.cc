@@ -1,6 +1,7 @@
 #include "graph/graph.h"
 
 #include <algorithm>
+#include <functional>
 #include <numeric>
 
 #include "cairn/base/check.h"
@@ -24,8 +25,7 @@ GraphComponents ConnectedComponents(int num_nodes, std::span<const GraphEdge> ed
     components.nodes[index].push_back(v);
   }
   // They were found in the order of their first nodes, which a stable sort keeps.
-  std::stable_sort(components.nodes.begin(), components.nodes.end(),
-                   [](const auto& a, const auto& b) { return a.size() > b.size(); });
+  std::ranges::stable_sort(components.nodes, std::greater<>(), std::ranges::size);
   components.component_of_node.resize(num_nodes);
   for (int c = 0; c < components.Num(); ++c) {
     for (const int v : components.nodes[c]) components.component_of_node[v] = c;
@@ -188,8 +188,7 @@ std::vector<std::vector<int>> HingedParts(int num_nodes, std::span<const GraphEd
     if (part.size > 1) found.push_back(part);
   }
   // Smaller parts lie within larger ones or beside them.
-  std::stable_sort(found.begin(), found.end(),
-                   [](const Part& a, const Part& b) { return a.size > b.size; });
+  std::ranges::stable_sort(found, std::greater<>(), &Part::size);
   std::vector<char> is_taken(num_nodes, 0);
   std::vector<std::vector<int>> parts;
   for (const Part& part : found) {
@@ -213,10 +212,9 @@ LoopFinder::LoopFinder(int num_nodes, std::span<const GraphEdge> edges)
     neighbors[node2].push_back({node1, static_cast<int>(e)});
   }
   for (std::vector<Neighbor>& list : neighbors) {
-    std::stable_sort(list.begin(), list.end(),
-                     [](const Neighbor& a, const Neighbor& b) { return a.node < b.node; });
-    const auto is_same = [](const Neighbor& a, const Neighbor& b) { return a.node == b.node; };
-    list.erase(std::unique(list.begin(), list.end(), is_same), list.end());
+    std::ranges::stable_sort(list, {}, &Neighbor::node);
+    const auto repeated = std::ranges::unique(list, {}, &Neighbor::node);
+    list.erase(repeated.begin(), repeated.end());
   }
   neighbors_ = std::make_shared<const Neighbors>(std::move(neighbors));
 }

@@ -50,8 +50,7 @@ void CheckReferences(const Reconstruction& r, const std::string& folder) {
 void CheckTracks(const Reconstruction& r, const std::string& folder) {
   int64_t num_references = 0;
   for (const auto& [id, image] : r.images) {
-    num_references += std::count_if(image.point3D_ids.begin(), image.point3D_ids.end(),
-                                    [](point3D_t p) { return p != kInvalidPoint3DId; });
+    num_references += image.NumPoints();
   }
   for (const auto& [id, point] : r.points3D) {
     if (std::ranges::adjacent_find(point.track) != point.track.end()) {

@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <functional>
 #include <tuple>
 
 #include "base/text.h"
@@ -113,10 +114,9 @@ class CameraAdopter {
     for (auto& [id, image] : scene_.images) {
       const auto heirs = num_images_.find(image.camera_id);
       if (taken.count(id) > 0 || heirs == num_images_.end()) continue;
+      const auto& num_images = heirs->second;
       image.camera_id =
-          std::max_element(heirs->second.begin(), heirs->second.end(),
-                           [](const auto& a, const auto& b) { return a.second < b.second; })
-              ->first;
+          std::ranges::max_element(num_images, {}, [](auto& heir) { return heir.second; })->first;
     }
   }
 
@@ -169,9 +169,8 @@ std::vector<Reconstruction> AdoptModels(std::span<const Reconstruction> models, 
   RunStage stage(report, run.monitor, "input");
   std::vector<const Reconstruction*> by_size;
   for (const Reconstruction& model : models) by_size.push_back(&model);
-  std::stable_sort(by_size.begin(), by_size.end(), [](const auto* a, const auto* b) {
-    return a->images.size() > b->images.size();
-  });
+  std::ranges::stable_sort(by_size, std::greater<>(),
+                           [](const Reconstruction* model) { return model->images.size(); });
   std::map<std::string, image_t> ids;
   for (const auto& [id, image] : scene.images) ids[image.name] = id;
   LeftOut left_out;

@@ -16,9 +16,8 @@ std::vector<image_t> DoubtfulImages(const ModelEvidence& evidence) {
   for (const auto& [id, support] : evidence.images) {
     if (support.IsContradicted()) doubtful.push_back(id);
   }
-  std::stable_sort(doubtful.begin(), doubtful.end(), [&](image_t a, image_t b) {
-    return evidence.images.at(a).Share() < evidence.images.at(b).Share();
-  });
+  std::ranges::stable_sort(doubtful, {},
+                           [&](image_t id) { return evidence.images.at(id).Share(); });
   return doubtful;
 }
 

@@ -73,9 +73,7 @@ class Grouping {
     for (const Group& group : groups_) {
       misplaced.insert(misplaced.end(), group.misplaced.begin(), group.misplaced.end());
     }
-    std::stable_sort(misplaced.begin(), misplaced.end(), [](const auto& a, const auto& b) {
-      return a.num_contradicting > b.num_contradicting;
-    });
+    std::ranges::stable_sort(misplaced, std::greater<>(), &MisplacedGroup::num_contradicting);
     return misplaced;
   }
 

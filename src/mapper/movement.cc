@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <functional>
 
 #include "base/text.h"
 #include "cairn/math/angles.h"
@@ -45,8 +46,7 @@ Movement Measure(const Reconstruction& model, const Reconstruction& earlier,
       movement.num_far += movement.moves.back().times > 1;
     }
   }
-  std::stable_sort(movement.moves.begin(), movement.moves.end(),
-                   [](const Move& a, const Move& b) { return a.times > b.times; });
+  std::ranges::stable_sort(movement.moves, std::greater<>(), &Move::times);
   return movement;
 }
 

@@ -87,10 +87,7 @@ FeatureMatches MergeMatches(FeatureMatches matches, const std::vector<point2D_t>
   for (FeatureMatch& match : matches) {
     match = {first1[match.point1], first2[match.point2]};
   }
-  const auto less = [](const FeatureMatch& a, const FeatureMatch& b) {
-    return std::pair(a.point1, a.point2) < std::pair(b.point1, b.point2);
-  };
-  std::sort(matches.begin(), matches.end(), less);
+  std::sort(matches.begin(), matches.end());
   matches.erase(std::unique(matches.begin(), matches.end()), matches.end());
   return matches;
 }

@@ -96,10 +96,7 @@ void Adjust(StageContext& context, const Round& round, Reconstruction& model) {
 int RemoveWeakImages(int min_points, Stage& stage, Reconstruction& model) {
   std::vector<image_t> weak;
   for (const auto& [id, image] : model.images) {
-    const auto num_points =
-        std::count_if(image.point3D_ids.begin(), image.point3D_ids.end(),
-                      [](point3D_t point) { return point != kInvalidPoint3DId; });
-    if (num_points < min_points) weak.push_back(id);
+    if (image.NumPoints() < min_points) weak.push_back(id);
   }
   for (const image_t id : weak) {
     stage.Record(model.images.at(id).image.name + ": removed: it sees too few points");

@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <bitset>
 #include <cmath>
+#include <functional>
 #include <optional>
 #include <utility>
 
@@ -151,16 +152,13 @@ class Averager {
 
   // Those that differ, the best supported first.
   std::vector<RotationHypothesis> Distinct() {
-    std::stable_sort(all_.begin(), all_.end(),
-                     [](const auto& a, const auto& b) { return a.support > b.support; });
+    std::ranges::stable_sort(all_, std::greater<>(), &RotationHypothesis::support);
     std::vector<RotationHypothesis> distinct;
     for (RotationHypothesis& hypothesis : all_) {
       const auto differs = [&](const RotationHypothesis& other) {
         return IsAnother(hypothesis, other);
       };
-      if (std::all_of(distinct.begin(), distinct.end(), differs)) {
-        distinct.push_back(std::move(hypothesis));
-      }
+      if (std::ranges::all_of(distinct, differs)) distinct.push_back(std::move(hypothesis));
     }
     return distinct;
   }

@@ -18,8 +18,7 @@ bool HasNoGeometries(const SceneData& scene) {
 // What to try where the most frequent reason took all pairs out.
 std::string AdviceFor(const SceneData& scene, const std::map<EdgeRemoval, int>& num_removed) {
   const auto most =
-      std::max_element(num_removed.begin(), num_removed.end(),
-                       [](const auto& a, const auto& b) { return a.second < b.second; });
+      std::ranges::max_element(num_removed, {}, [](auto& entry) { return entry.second; });
   switch (most == num_removed.end() ? EdgeRemoval::kNone : most->first) {
     case EdgeRemoval::kNoPose:
       if (HasNoGeometries(scene)) {

@@ -14,10 +14,9 @@ int CountStill(const SceneData& scene, const ViewEdge& edge, const FeatureMatche
       DefaultMaxErrorPx(scene.CameraOf(edge.image_id1), scene.CameraOf(edge.image_id2));
   const std::vector<Eigen::Vector2d>& pixels1 = scene.pixels.at(edge.image_id1);
   const std::vector<Eigen::Vector2d>& pixels2 = scene.pixels.at(edge.image_id2);
-  return static_cast<int>(
-      std::count_if(matches.begin(), matches.end(), [&](const FeatureMatch& match) {
-        return (pixels1[match.point1] - pixels2[match.point2]).norm() <= max_error_px;
-      }));
+  return static_cast<int>(std::ranges::count_if(matches, [&](const FeatureMatch& match) {
+    return (pixels1[match.point1] - pixels2[match.point2]).norm() <= max_error_px;
+  }));
 }
 
 // A pair stays still as a whole if its geometry does (matches of such are not kept), or most of its

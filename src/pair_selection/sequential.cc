@@ -48,8 +48,7 @@ std::vector<std::vector<image_t>> SplitByFolder(const std::vector<Image>& ordere
 }  // namespace
 
 std::vector<std::vector<image_t>> SequencesByName(std::vector<Image> images) {
-  std::sort(images.begin(), images.end(),
-            [](const Image& a, const Image& b) { return ComesBefore(a.name, b.name); });
+  std::ranges::sort(images, ComesBefore, &Image::name);
   return SplitByFolder(images);
 }
 

@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <functional>
 
 #include "cairn/base/parallel.h"
 #include "cairn/pair_selection/pair_selection.h"
@@ -28,8 +29,7 @@ LinksOfImages FindLinks(const PairEvidence& evidence) {
     }
   }
   for (auto& [image, of_image] : links) {
-    std::stable_sort(of_image.begin(), of_image.end(),
-                     [](const Link& a, const Link& b) { return a.point < b.point; });
+    std::ranges::stable_sort(of_image, {}, &Link::point);
   }
   return links;
 }
@@ -40,8 +40,7 @@ std::map<image_t, int> CountSharedPoints(image_t image, const LinksOfImages& lin
   std::vector<std::pair<image_t, point2D_t>> reached;
   for (const Link& first : links.at(image)) {
     const std::vector<Link>& next = links.at(first.other);
-    auto second = std::lower_bound(next.begin(), next.end(), first.other_point,
-                                   [](const Link& link, point2D_t p) { return link.point < p; });
+    auto second = std::ranges::lower_bound(next, first.other_point, {}, &Link::point);
     for (; second != next.end() && second->point == first.other_point; ++second) {
       if (second->other > image) reached.emplace_back(second->other, first.point);
     }

@@ -135,10 +135,10 @@ std::string SummaryText(const ViewGraphSummary& s, const RunReport& report) {
   text += "graph     " + std::to_string(s.num_components) + " component" +
           (s.num_components == 1 ? "" : "s") + ", the largest with " +
           std::to_string(s.largest_component) + " images\n";
-  std::vector<std::pair<std::string, double>> seconds;  // rounds repeat stages
+  using Seconds = std::pair<std::string, double>;
+  std::vector<Seconds> seconds;  // rounds repeat stages
   for (const StageReport& stage : report.stages) {
-    const auto known = std::find_if(seconds.begin(), seconds.end(),
-                                    [&](const auto& entry) { return entry.first == stage.name; });
+    const auto known = std::ranges::find(seconds, stage.name, &Seconds::first);
     if (known == seconds.end()) {
       seconds.emplace_back(stage.name, stage.seconds);
     } else {

@@ -153,8 +153,7 @@ LeftOutReason WhyLeftOut(const PageImage& image, bool has_features) {
   }
   if (image.num_pairs == 0) {
     const auto most =
-        std::max_element(image.removals.begin(), image.removals.end(),
-                         [](const auto& a, const auto& b) { return a.second < b.second; });
+        std::ranges::max_element(image.removals, {}, [](auto& entry) { return entry.second; });
     return {"all their pairs were taken out (mostly: " + most->first + ")",
             "Look at these pairs in the view graph; add photos with more overlap."};
   }

@@ -17,8 +17,8 @@ Pairs SelectPairs(const PageScene& scene) {
   for (const PagePair& pair : scene.pairs) selected.push_back(&pair);
   const auto size = static_cast<size_t>(std::max<int64_t>(0, scene.input.limits.pairs));
   if (selected.size() <= size) return selected;
-  std::stable_sort(selected.begin(), selected.end(), [](const PagePair* a, const PagePair* b) {
-    return std::tie(a->num_inliers, a->num_matches) > std::tie(b->num_inliers, b->num_matches);
+  std::ranges::stable_sort(selected, std::greater<>(), [](const PagePair* pair) {
+    return std::pair(pair->num_inliers, pair->num_matches);
   });
   selected.resize(size);
   std::sort(selected.begin(), selected.end());

@@ -165,9 +165,8 @@ class RegionTurner {
     for (const std::pair<double, int>& proposed : ranked) {
       const Eigen::Quaterniond turn = misfits_.TurnOf(proposed.second);
       const auto is_near = [&](const Eigen::Quaterniond& other) { return IsNear(other, turn); };
-      if (is_near(Eigen::Quaterniond::Identity()) ||
-          std::any_of(turns.begin(), turns.end(), is_near) ||
-          std::any_of(failed_.begin(), failed_.end(), is_near)) {
+      if (is_near(Eigen::Quaterniond::Identity()) || std::ranges::any_of(turns, is_near) ||
+          std::ranges::any_of(failed_, is_near)) {
         continue;
       }
       turns.push_back(turn);

@@ -9,15 +9,13 @@ namespace cairn {
 std::string_view EdgeRemovalName(EdgeRemoval removal) { return NameOf(kEdgeRemovals, removal); }
 
 int ViewGraph::NumActiveEdges() const {
-  return static_cast<int>(
-      std::count_if(edges.begin(), edges.end(), [](const ViewEdge& e) { return e.IsActive(); }));
+  return static_cast<int>(std::ranges::count_if(edges, &ViewEdge::IsActive));
 }
 
 void ViewGraph::Normalize() {
   std::sort(image_ids.begin(), image_ids.end());
   image_ids.erase(std::unique(image_ids.begin(), image_ids.end()), image_ids.end());
-  std::sort(edges.begin(), edges.end(),
-            [](const ViewEdge& a, const ViewEdge& b) { return a.PairId() < b.PairId(); });
+  std::ranges::sort(edges, {}, &ViewEdge::PairId);
   for (size_t i = 0; i < edges.size(); ++i) {
     CAIRN_CHECK_LT(edges[i].image_id1, edges[i].image_id2);
     CAIRN_CHECK(std::binary_search(image_ids.begin(), image_ids.end(), edges[i].image_id1));

@@ -26,8 +26,7 @@ std::vector<size_t> ChoosePairs(size_t num_items, std::span<const CandidatePair>
                                                     : a < b;
   };
   if (num_chosen < order.size()) {
-    std::nth_element(order.begin(), order.begin() + static_cast<int64_t>(num_chosen), order.end(),
-                     less);
+    std::ranges::nth_element(order, order.begin() + static_cast<int64_t>(num_chosen), less);
     order.resize(num_chosen);
   }
   std::sort(order.begin(), order.end());

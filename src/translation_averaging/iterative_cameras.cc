@@ -228,8 +228,7 @@ void IterativeCameras::AddToGroups(int64_t part, const FitModels& models,
     pulls.clear();
     for (int r = problem_.track_begin[k]; r < problem_.track_begin[k + 1]; ++r) {
       const int group = group_of_[problem_.rays[r].camera];
-      const auto pull = std::find_if(pulls.begin(), pulls.end(),
-                                     [group](const auto& p) { return p.first == group; });
+      const auto pull = std::ranges::find(pulls, group, [](const auto& p) { return p.first; });
       if (pull == pulls.end()) {
         pulls.emplace_back(group, models.rays[r].Curvature());
       } else {

@@ -249,9 +249,7 @@ class Groups {
       }
     }
     if (num_matches.empty()) return false;
-    Join(std::max_element(num_matches.begin(), num_matches.end(),
-                          [](auto& a, auto& b) { return a.second < b.second; })
-             ->first,
+    Join(std::ranges::max_element(num_matches, {}, [](auto& entry) { return entry.second; })->first,
          group);
     return true;
   }
@@ -386,8 +384,8 @@ void KeepProven(const std::vector<Pair>& pairs, int num_images, Groups& groups) 
       if (groups.SizeOf(group) == num_images) return;
       evidence[group] = SplitEvidence(borders[group], groups.SizeOf(group), num_images);
     }
-    const auto least = std::min_element(evidence.begin(), evidence.end(),
-                                        [](auto& a, auto& b) { return a.second < b.second; });
+    const auto least =
+        std::ranges::min_element(evidence, {}, [](auto& entry) { return entry.second; });
     if (least == evidence.end() || least->second > 0) return;
     if (!groups.Dissolve(least->first)) alone.insert(least->first);
   }

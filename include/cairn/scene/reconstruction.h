@@ -1,8 +1,10 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <array>
 #include <cstdint>
+#include <iterator>
 #include <map>
 #include <string>
 #include <vector>
@@ -41,6 +43,11 @@ struct RegisteredImage {
   std::vector<point3D_t> point3D_ids;     // kInvalidPoint3DId: none; same size as points2D
   // Standard deviation of each keypoint's position, pixels; empty: not known, 1 is assumed.
   std::vector<float> sigmas_px = {};
+
+  // Of the keypoints, those that show a point.
+  int64_t NumPoints() const {
+    return std::ssize(point3D_ids) - std::ranges::count(point3D_ids, kInvalidPoint3DId);
+  }
 };
 
 // Cameras, registered images and 3D points. Ordered maps: every loop runs in the order of the ids.

@@ -30,8 +30,7 @@ std::vector<Photo> ListPhotos(const PhotoSource& source) {
       photos.emplace_back().name = photo.name;
       photos.back().given_focal_px = photo.focal_px;
     }
-    std::sort(photos.begin(), photos.end(),
-              [](const Photo& a, const Photo& b) { return a.name < b.name; });
+    std::ranges::sort(photos, {}, &Photo::name);
   } else {
     for (std::string& name : ListImages(source.image_path, source.other_paths)) {
       photos.emplace_back().name = std::move(name);

@@ -58,9 +58,9 @@ bool IsWatermark(const PreparedPair& pair, std::span<const int32_t> inliers, dou
                      [k](const auto& a, const auto& b) { return a[k] < b[k]; });
     median[k] = shifts[middle][k];
   }
-  const auto num_equal = std::count_if(
-      shifts.begin(), shifts.end(),
-      [&](const Eigen::Vector2d& shift) { return (shift - median).norm() < pair.max_error_px; });
+  const auto num_equal = std::ranges::count_if(shifts, [&](const Eigen::Vector2d& shift) {
+    return (shift - median).norm() < pair.max_error_px;
+  });
   return static_cast<double>(num_equal) >= needed;
 }
 
@@ -79,10 +79,9 @@ std::optional<Eigen::Vector2d> OverlayShift(const PairInput& input,
   for (const double x : kAnchors) {
     for (const double y : kAnchors) {
       const Eigen::Vector2d shift = Eigen::Vector2d(x, y).cwiseProduct(size2 - size1);
-      const auto num_equal =
-          std::count_if(matches.begin(), matches.end(), [&](const FeatureMatch& match) {
-            return (ShiftOf(input, match) - shift).norm() < max_error_px;
-          });
+      const auto num_equal = std::ranges::count_if(matches, [&](const FeatureMatch& match) {
+        return (ShiftOf(input, match) - shift).norm() < max_error_px;
+      });
       if (2 * num_equal > std::ssize(matches)) return shift;
     }
   }

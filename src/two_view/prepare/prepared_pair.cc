@@ -142,8 +142,7 @@ void PreparePair(const PairInput& input, const TwoViewOptions& options, MatchOrd
   if (!pair->input.are_best_first) return;
   pair->best_first.resize(pair->match_index.size());
   std::iota(pair->best_first.begin(), pair->best_first.end(), 0);
-  std::sort(pair->best_first.begin(), pair->best_first.end(),
-            [pair](int32_t a, int32_t b) { return pair->match_index[a] < pair->match_index[b]; });
+  std::ranges::sort(pair->best_first, {}, [pair](int32_t i) { return pair->match_index[i]; });
 }
 
 }  // namespace cairn::internal
