@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "cairn/base/parallel.h"
+#include "math/sorted_order.h"
 
 namespace cairn {
 namespace {
@@ -66,8 +67,7 @@ BlockPattern CameraSystem<kIntrinsics>::PatternOfNodes() const {
     }
   }
   for (std::vector<int>& column : pattern.columns) {
-    std::sort(column.begin(), column.end());
-    column.erase(std::unique(column.begin(), column.end()), column.end());
+    column = Unique(std::move(column));
   }
   return pattern;
 }

@@ -2,6 +2,7 @@
 #include <cmath>
 #include <memory>
 #include <mutex>
+#include <utility>
 
 #include "cairn/base/error.h"
 #include "cairn/base/parallel.h"
@@ -9,6 +10,7 @@
 #include "cairn/mapper/view_edges.h"
 #include "intrinsics/known_intrinsics.h"
 #include "mapper/stages.h"
+#include "math/sorted_order.h"
 
 namespace cairn {
 namespace {
@@ -87,8 +89,7 @@ FeatureMatches MergeMatches(FeatureMatches matches, const std::vector<point2D_t>
   for (FeatureMatch& match : matches) {
     match = {first1[match.point1], first2[match.point2]};
   }
-  std::sort(matches.begin(), matches.end());
-  matches.erase(std::unique(matches.begin(), matches.end()), matches.end());
+  matches = Unique(std::move(matches));
   return matches;
 }
 

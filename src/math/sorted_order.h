@@ -15,6 +15,14 @@ std::vector<int> SortedOrder(size_t size, const Key& key) {
   return order;
 }
 
+// Ascending, each once.
+template <class T>
+std::vector<T> Unique(std::vector<T> values) {
+  std::sort(values.begin(), values.end());
+  values.erase(std::unique(values.begin(), values.end()), values.end());
+  return values;
+}
+
 // The place of a value in a sorted list that has it.
 template <class T>
 int IndexIn(const std::vector<T>& sorted, const T& value) {

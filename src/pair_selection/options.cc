@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <sstream>
+#include <utility>
 
 #include "cairn/base/error.h"
+#include "math/sorted_order.h"
 
 namespace cairn {
 
@@ -16,8 +18,7 @@ std::vector<PairWay> ParsePairWays(const std::string& text) {
     CheckChoice("pairs", name, names);
     ways.push_back(*ValueOf(kPairWays, name));
   }
-  std::sort(ways.begin(), ways.end());
-  ways.erase(std::unique(ways.begin(), ways.end()), ways.end());
+  ways = Unique(std::move(ways));
   for (const PairWay way : {PairWay::kExhaustive, PairWay::kAuto}) {
     if (ways.size() == 1 || std::find(ways.begin(), ways.end(), way) == ways.end()) continue;
     throw ConfigError("pairs", "'" + std::string(NameOf(kPairWays, way)) +

@@ -6,7 +6,6 @@
 #include "cairn/base/parallel.h"
 #include "cairn/pair_selection/pair_selection.h"
 #include "math/sorted_order.h"
-#include "pair_selection/unique_pairs.h"
 
 namespace cairn {
 namespace {

@@ -2,7 +2,7 @@
 #include <filesystem>
 
 #include "cairn/pair_selection/pair_selection.h"
-#include "pair_selection/unique_pairs.h"
+#include "math/sorted_order.h"
 
 namespace cairn {
 namespace {

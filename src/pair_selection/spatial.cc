@@ -4,7 +4,7 @@
 
 #include "cairn/base/parallel.h"
 #include "cairn/pair_selection/pair_selection.h"
-#include "pair_selection/unique_pairs.h"
+#include "math/sorted_order.h"
 
 namespace cairn {
 

@@ -1,11 +1,11 @@
 #include <algorithm>
 #include <functional>
+#include <utility>
 
 #include "cairn/base/parallel.h"
 #include "cairn/pair_selection/pair_selection.h"
 #include "graph/graph.h"
 #include "math/sorted_order.h"
-#include "pair_selection/unique_pairs.h"
 
 namespace cairn {
 namespace {
@@ -45,8 +45,7 @@ std::map<image_t, int> CountSharedPoints(image_t image, const LinksOfImages& lin
       if (second->other > image) reached.emplace_back(second->other, first.point);
     }
   }
-  std::sort(reached.begin(), reached.end());
-  reached.erase(std::unique(reached.begin(), reached.end()), reached.end());
+  reached = Unique(std::move(reached));
   std::map<image_t, int> counts;
   for (const auto& [other, point] : reached) ++counts[other];
   return counts;
@@ -80,8 +79,7 @@ Queries FindMatched(const PairEvidence& evidence) {
 
 void AddSorted(const std::vector<image_t>& added, std::vector<image_t>& images) {
   images.insert(images.end(), added.begin(), added.end());
-  std::ranges::sort(images);
-  images.erase(std::unique(images.begin(), images.end()), images.end());
+  images = Unique(std::move(images));
 }
 
 // Component of every image; 0 is the largest.

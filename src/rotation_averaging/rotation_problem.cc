@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <tuple>
+#include <utility>
 
 #include "cairn/base/check.h"
 #include "cairn/base/parallel.h"
@@ -57,8 +58,7 @@ RotationProblem MakeRotationProblem(std::span<const RotationEdge> input) {
     problem.image_ids.push_back(edge.image_id2);
   }
   std::vector<image_t>& ids = problem.image_ids;
-  std::sort(ids.begin(), ids.end());
-  ids.erase(std::unique(ids.begin(), ids.end()), ids.end());
+  ids = Unique(std::move(ids));
   problem.edge_of_input.resize(edges.size());
   for (const int e : SortedOrder(edges.size(), key)) {
     problem.edge_of_input[e] = problem.NumEdges();

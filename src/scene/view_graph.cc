@@ -1,8 +1,10 @@
 #include "cairn/scene/view_graph.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "cairn/base/check.h"
+#include "math/sorted_order.h"
 
 namespace cairn {
 
@@ -13,8 +15,7 @@ int ViewGraph::NumActiveEdges() const {
 }
 
 void ViewGraph::Normalize() {
-  std::sort(image_ids.begin(), image_ids.end());
-  image_ids.erase(std::unique(image_ids.begin(), image_ids.end()), image_ids.end());
+  image_ids = Unique(std::move(image_ids));
   std::ranges::sort(edges, {}, &ViewEdge::PairId);
   for (size_t i = 0; i < edges.size(); ++i) {
     CAIRN_CHECK_LT(edges[i].image_id1, edges[i].image_id2);

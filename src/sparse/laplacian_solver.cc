@@ -5,6 +5,7 @@
 
 #include "cairn/base/check.h"
 #include "cairn/base/parallel.h"
+#include "math/sorted_order.h"
 
 namespace cairn {
 namespace {
@@ -39,8 +40,7 @@ LaplacianSolver::LaplacianSolver(int num_nodes, std::span<const GraphEdge> edges
   }
   SymmetricPattern pattern;
   for (std::vector<int64_t>& column : columns) {
-    std::sort(column.begin(), column.end());
-    column.erase(std::unique(column.begin(), column.end()), column.end());
+    column = Unique(std::move(column));
     diagonal_of_row_.push_back(pattern.begin.back());
     pattern.row.insert(pattern.row.end(), column.begin(), column.end());
     pattern.begin.push_back(static_cast<int64_t>(pattern.row.size()));

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <tuple>
+#include <utility>
 
 #include "cairn/base/check.h"
 #include "math/sorted_order.h"
@@ -68,8 +69,7 @@ DirectionProblem MakeDirectionProblem(std::span<const DirectionEdge> input,
     if (track.rays.size() < 2) continue;
     for (const PointRay& ray : track.rays) ids.push_back(ray.image_id);
   }
-  std::sort(ids.begin(), ids.end());
-  ids.erase(std::unique(ids.begin(), ids.end()), ids.end());
+  ids = Unique(std::move(ids));
 
   const auto key = [&](int e) {
     const DirectionEdge& edge = edges[e];

@@ -1,8 +1,10 @@
 #include "translation_averaging/rigidity.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "graph/parallel_rigidity.h"
+#include "math/sorted_order.h"
 
 namespace cairn {
 namespace {
@@ -97,8 +99,7 @@ class Game {
     for (size_t v = 0; v < body_.has.size(); ++v) {
       if (body_.has[v]) cameras.push_back(static_cast<int>(v));
     }
-    std::sort(cameras.begin(), cameras.end());
-    cameras.erase(std::unique(cameras.begin(), cameras.end()), cameras.end());
+    cameras = Unique(std::move(cameras));
   }
   // Joins a camera of the body to the two where it began.
   void Tie(int camera) {

@@ -5,7 +5,7 @@
 #include "cairn/pipeline/stages.h"
 #include "database/stage_names.h"
 #include "io/text_reader.h"
-#include "pair_selection/unique_pairs.h"
+#include "math/sorted_order.h"
 #include "report/stage.h"
 
 namespace cairn {
