@@ -6,12 +6,10 @@
 
 #include <algorithm>
 #include <charconv>
-#include <cstdio>
 
 #include "cairn/base/check.h"
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
-#include "cairn/base/options.h"
 
 namespace cairn {
 

@@ -1,8 +1,5 @@
 #include "cairn/undistortion/undistort.h"
 
-#include <map>
-
-#include "cairn/io/colmap_model.h"
 #include "cairn/io/model.h"
 #include "common/console_monitor.h"
 #include "common/run_flags.h"

@@ -1,7 +1,5 @@
 #include "relative_pose_experiments/stability.h"
 
-#include <string>
-
 #include "cairn/base/parallel.h"
 #include "cairn/geometry/epipolar.h"
 #include "relative_pose_experiments/statistics.h"

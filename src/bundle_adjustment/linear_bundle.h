@@ -14,7 +14,6 @@
 #include "bundle_adjustment/camera_system.h"
 #include "bundle_adjustment/reprojection_cost.h"
 #include "cairn/base/run_context.h"
-#include "cairn/bundle_adjustment/bundle_adjustment.h"
 
 namespace cairn {
 

@@ -1,7 +1,5 @@
 #include "bundle_adjustment/reprojection_cost.h"
 
-#include "cairn/math/so3.h"
-
 namespace cairn {
 
 ReprojectionCost::ReprojectionCost(const Reprojection& reprojection) : reprojection_(reprojection) {

@@ -1,7 +1,6 @@
 #include "bundle_adjustment/schur_bundle.h"
 
 #include <Eigen/LU>
-#include <algorithm>
 #include <cmath>
 #include <memory>
 #include <vector>
@@ -9,7 +8,6 @@
 #include "bundle_adjustment/bundle_observations.h"
 #include "bundle_adjustment/bundle_state.h"
 #include "bundle_adjustment/bundle_terms.h"
-#include "bundle_adjustment/camera_system.h"
 #include "bundle_adjustment/linear_bundle.h"
 #include "bundle_adjustment/schur_kernels.h"
 #include "bundle_adjustment/schur_product.h"

@@ -1,7 +1,6 @@
 #include "cairn/evaluation/alignment.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
 

@@ -3,8 +3,6 @@
 #include <array>
 #include <vector>
 
-#include "graph/graph.h"
-
 namespace cairn {
 
 // Maximal parallel-rigid components in space: sets of nodes whose positions are determined up to

@@ -9,7 +9,6 @@
 #include <exiv2/webpimage.hpp>
 #include <mutex>
 #include <new>
-#include <string>
 
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"

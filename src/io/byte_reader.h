@@ -2,7 +2,6 @@
 
 #include <cstring>
 #include <string>
-#include <string_view>
 #include <type_traits>
 
 #include "cairn/base/error.h"

@@ -2,7 +2,6 @@
 
 #include "cairn/math/angles.h"
 #include "cairn/math/median.h"
-#include "cairn/triangulation/triangulation.h"
 #include "mapper/stages.h"
 
 namespace cairn {

@@ -1,7 +1,6 @@
 #include <algorithm>
 #include <functional>
 #include <limits>
-#include <tuple>
 
 #include "math/sorted_order.h"
 #include "report_page/page_parts.h"

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <cstdint>
 
 #include "cairn/geometry/rigid3d.h"
 #include "math/normal_equations.h"

@@ -1,7 +1,6 @@
 #include <algorithm>
 
 #include "cairn/base/check.h"
-#include "cairn/base/parallel.h"
 #include "cairn/math/angles.h"
 #include "rotation_averaging/stages.h"
 

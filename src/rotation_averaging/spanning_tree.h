@@ -3,7 +3,6 @@
 #include <Eigen/Geometry>
 #include <vector>
 
-#include "graph/graph.h"
 #include "rotation_averaging/rotation_problem.h"
 
 namespace cairn {

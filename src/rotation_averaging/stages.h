@@ -3,7 +3,6 @@
 #include <Eigen/Geometry>
 #include <vector>
 
-#include "cairn/base/progress.h"
 #include "cairn/rotation_averaging/rotation_averaging.h"
 #include "rotation_averaging/rotation_problem.h"
 #include "sparse/laplacian_solver.h"

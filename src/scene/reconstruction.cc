@@ -1,6 +1,5 @@
 #include "cairn/scene/reconstruction.h"
 
-#include <algorithm>
 #include <limits>
 #include <utility>
 

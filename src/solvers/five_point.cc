@@ -4,7 +4,6 @@
 #include <Eigen/LU>
 #include <cmath>
 #include <numbers>
-#include <utility>
 
 #include "cairn/solvers/polynomial.h"
 #include "math/positive_definite.h"

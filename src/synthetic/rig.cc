@@ -4,7 +4,6 @@
 #include <cmath>
 
 #include "base/text.h"
-#include "cairn/synthetic/poses.h"
 
 namespace cairn {
 namespace {

@@ -7,7 +7,6 @@
 #include "cairn/base/error.h"
 #include "cairn/base/rng.h"
 #include "cairn/math/angles.h"
-#include "cairn/synthetic/poses.h"
 #include "cairn/synthetic/rig.h"
 #include "synthetic/edge_errors.h"
 #include "synthetic/pair_choice.h"

@@ -6,7 +6,6 @@
 #include <limits>
 #include <numeric>
 #include <span>
-#include <vector>
 
 #include "cairn/base/parallel.h"
 #include "cairn/base/rng.h"

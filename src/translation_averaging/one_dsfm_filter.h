@@ -2,7 +2,6 @@
 
 #include <vector>
 
-#include "cairn/translation_averaging/options.h"
 #include "translation_averaging/direction_problem.h"
 
 namespace cairn {

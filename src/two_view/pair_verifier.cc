@@ -3,7 +3,6 @@
 #include <string>
 #include <vector>
 
-#include "cairn/base/check.h"
 #include "cairn/base/named_value.h"
 #include "two_view/focal_verifier.h"
 

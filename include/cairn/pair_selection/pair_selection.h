@@ -3,13 +3,11 @@
 #include <Eigen/Core>
 #include <map>
 #include <set>
-#include <span>
-#include <string_view>
 #include <vector>
 
 #include "cairn/base/named_value.h"
 #include "cairn/base/types.h"
-#include "cairn/image/exif.h"
+#include "cairn/geometry/gps.h"
 #include "cairn/matching/matching.h"
 #include "cairn/pair_selection/options.h"
 #include "cairn/scene/features.h"

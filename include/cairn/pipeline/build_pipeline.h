@@ -11,7 +11,6 @@
 #include "cairn/matching/matching.h"
 #include "cairn/pair_selection/options.h"
 #include "cairn/pipeline/stages.h"
-#include "cairn/pipeline/verify_pairs.h"
 #include "cairn/report/run_report.h"
 #include "cairn/two_view/options.h"
 

@@ -6,7 +6,6 @@
 #include <cstdint>
 #include <iterator>
 #include <map>
-#include <string>
 #include <vector>
 
 #include "cairn/base/types.h"

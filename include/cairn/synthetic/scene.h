@@ -9,7 +9,6 @@
 #include "cairn/scene/reconstruction.h"
 #include "cairn/scene/two_view_geometry.h"
 #include "cairn/synthetic/rig.h"
-#include "cairn/synthetic/surface.h"
 
 namespace cairn {
 

@@ -3,7 +3,6 @@
 #include <algorithm>
 
 #include "cairn/base/error.h"
-#include "cairn/base/parallel.h"
 
 namespace cairn {
 namespace {

@@ -7,7 +7,7 @@
 #include "cairn/base/timer.h"
 #include "database/stage_names.h"
 #include "pipeline/pairs/candidates.h"
-#include "pipeline/pairs/photo_facts.h"
+#include "pipeline/pairs/exhaustive.h"
 #include "pipeline/stages/stage_ledger.h"
 
 namespace cairn {

@@ -9,7 +9,7 @@
 #include "cairn/database/database.h"
 #include "cairn/pair_selection/pair_selection.h"
 #include "cairn/report/run_report.h"
-#include "pipeline/pairs/exhaustive.h"
+#include "database/match_origins.h"
 #include "pipeline/pairs/photo_facts.h"
 #include "report/stage.h"
 

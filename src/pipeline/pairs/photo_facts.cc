@@ -3,6 +3,7 @@
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
 #include "cairn/base/parallel.h"
+#include "cairn/image/exif.h"
 #include "cairn/io/gps_file.h"
 
 namespace cairn {

@@ -6,7 +6,7 @@
 
 #include "cairn/base/progress.h"
 #include "cairn/base/types.h"
-#include "cairn/image/exif.h"
+#include "cairn/geometry/gps.h"
 #include "cairn/scene/image.h"
 
 namespace cairn {

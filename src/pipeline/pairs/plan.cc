@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <functional>
 #include <tuple>
-#include <utility>
 
 namespace cairn {
 namespace {

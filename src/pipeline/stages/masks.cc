@@ -7,7 +7,6 @@
 #include "base/hash.h"
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
-#include "cairn/image/bitmap.h"
 #include "database/stage_names.h"
 #include "pipeline/stages/camera_maker.h"
 

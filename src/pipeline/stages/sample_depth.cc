@@ -10,7 +10,6 @@
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
 #include "cairn/base/parallel.h"
-#include "cairn/depth/depth_map.h"
 #include "cairn/depth/depth_network.h"
 #include "cairn/image/bitmap.h"
 #include "cairn/pipeline/stages.h"

@@ -3,7 +3,6 @@
 #include <map>
 
 #include "cairn/base/error.h"
-#include "cairn/base/options.h"
 #include "database/stage_names.h"
 
 namespace cairn {

@@ -8,7 +8,6 @@
 #include "cairn/base/options.h"
 #include "cairn/base/run_context.h"
 #include "cairn/database/database.h"
-#include "cairn/pipeline/stages.h"
 #include "report/stage.h"
 
 namespace cairn {

@@ -1,9 +1,7 @@
 #include "cairn/pipeline/verify_pairs.h"
 
 #include <algorithm>
-#include <functional>
 #include <map>
-#include <memory>
 #include <mutex>
 #include <unordered_map>
 

@@ -4,7 +4,6 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
-#include <optional>
 
 #include "cairn/math/so3.h"
 #include "robust/match_errors.h"

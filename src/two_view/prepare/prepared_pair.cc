@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
-#include <span>
 
 #include "cairn/base/check.h"
 #include "cairn/base/rng.h"

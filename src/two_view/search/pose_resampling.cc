@@ -5,7 +5,6 @@
 #include "cairn/geometry/epipolar.h"
 #include "cairn/solvers/five_point.h"
 #include "robust/match_errors.h"
-#include "robust/pose_refinement.h"
 #include "two_view/search/guided_support.h"
 
 namespace cairn::internal {

@@ -7,7 +7,6 @@
 #include <limits>
 
 #include "cairn/base/rng.h"
-#include "cairn/geometry/epipolar.h"
 #include "cairn/math/so3.h"
 #include "cairn/solvers/five_point.h"
 #include "cairn/solvers/one_affine_depth_batch.h"

@@ -4,6 +4,7 @@
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
 #include "cairn/base/rng.h"
+#include "cairn/image/exif.h"
 #include "database/stage_names.h"
 #include "pipeline/pairs/candidates.h"
 #include "pipeline/pairs/choose.h"
