@@ -42,7 +42,7 @@ class Command {
   void SetRun(std::function<int()> run);
 
   // Was the option `key` ("seed", "matching.max_ratio") given, by file or flag?
-  bool IsSet(const std::string& key) const { return is_set_.count(key) > 0; }
+  bool IsSet(const std::string& key) const { return is_set_.contains(key); }
   // Gives options that were not given, by file or flag, the values of TOML text. Names that the
   // command lacks are passed over. Throws IoError(origin, ...) where the text is no TOML.
   void SetDefaults(const std::string& text, const std::string& origin);

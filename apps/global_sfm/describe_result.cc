@@ -32,7 +32,7 @@ std::string PhotosText(const ReconstructResult& result) {
   }
   std::vector<std::string> left_out;
   for (const Image& image : result.images) {
-    if (registered.count(image.image_id) == 0) left_out.push_back(image.name);
+    if (!registered.contains(image.image_id)) left_out.push_back(image.name);
   }
   return fmt::format("{} of {} have a pose{}{}", registered.size(), result.images.size(),
                      left_out.empty() ? "" : "; left out: ", FirstNames(left_out, 3));

@@ -40,7 +40,7 @@ std::vector<Entry> MakeEntries(const Reconstruction& model, const Database& data
   for (const Camera& camera : database.ReadCameras()) cameras[camera.camera_id] = camera;
   std::vector<Entry> entries;
   for (const Image& image : database.ReadImages()) {
-    if (cameras.count(image.camera_id) == 0) {
+    if (!cameras.contains(image.camera_id)) {
       throw IoError(database.path(), "camera " + std::to_string(image.camera_id) + " of '" +
                                          image.name + "' is missing or of an unknown model");
     }

@@ -24,7 +24,7 @@ MetricsOfPairs ReadMetrics(const Database& database, const std::string& verifier
     verifiers.insert(m.verifier);
     if (verifier.empty() || m.verifier == verifier) metrics[m.pair_id].push_back(std::move(m));
   }
-  if (!verifier.empty() && verifiers.count(verifier) == 0) {
+  if (!verifier.empty() && !verifiers.contains(verifier)) {
     std::string known;
     for (const std::string& name : verifiers) known += (known.empty() ? "" : ", ") + name;
     throw ConfigError("pairs_verifier", "'" + verifier + "' was not run; the database has " +

@@ -41,7 +41,7 @@ class Reference {
   std::optional<Rigid3d> RelativePose(image_t id1, image_t id2) const {
     const auto it1 = poses_.find(id1), it2 = poses_.find(id2);
     if (it1 == poses_.end() || it2 == poses_.end()) return std::nullopt;
-    if (has_points_ && connected_.count(ImagePairToPairId(id1, id2)) == 0) return std::nullopt;
+    if (has_points_ && !connected_.contains(ImagePairToPairId(id1, id2))) return std::nullopt;
     const Rigid3d pose = it2->second * Inverse(it1->second);
     if (!(pose.translation.norm() > 0)) return std::nullopt;
     return pose;
@@ -94,7 +94,7 @@ RealScene LoadRealScene(const RealDataOptions& options, int min_num_matches,
                                  : ReadPairList(options.pairs_path, database.ReadImages(), monitor);
   for (const image_pair_t pair_id : pair_ids) {
     const auto [id1, id2] = PairIdToImagePair(pair_id);
-    if (scene.images.count(id1) == 0 || scene.images.count(id2) == 0) continue;
+    if (!scene.images.contains(id1) || !scene.images.contains(id2)) continue;
     const auto pose = reference.RelativePose(id1, id2);
     if (!pose) continue;
     auto matches = database.ReadMatches(pair_id);

@@ -234,7 +234,7 @@ void OutputFolder::Commit(const std::string& within) {
   }
   for (const std::string& name : FilesInTheWay()) {
     const bool may_go = within.empty() || name.starts_with(within + "/");
-    if (may_go && hashes.count(name) == 0) removed += name + "\n";
+    if (may_go && !hashes.contains(name)) removed += name + "\n";
   }
   WriteFileAtomically(staging_ + "/" + kFiles, ListText(writer_, hashes));
   WriteFileAtomically(staging_ + "/" + kRemove, removed);

@@ -46,7 +46,7 @@ BundleState::BundleState(const BundleAdjustmentScope& scope, const Reconstructio
     CAIRN_CHECK_LE(state.num_params, kMaxCameraParams);
     std::copy(camera.params.begin(), camera.params.end(), state.initial.begin());
     state.params = state.initial;
-    if (scope.fixed_cameras.count(id) == 0) {
+    if (!scope.fixed_cameras.contains(id)) {
       if (scope.focal_lengths) {
         for (const int k : camera.FocalIndices()) state.free_index[state.num_free++] = k;
         state.num_free_focal = state.num_free;
@@ -99,7 +99,7 @@ void BundleState::Store(Reconstruction& reconstruction) const {
     std::copy_n(intrinsics.params.begin(), intrinsics.num_params, camera.params.begin());
   }
   for (auto& [id, image] : reconstruction.images) {
-    if (scope_.fixed_images.count(id) > 0) continue;
+    if (scope_.fixed_images.contains(id)) continue;
     const PoseState& pose = poses_[pose_index_.at(id)];
     Rigid3d& cam_from_world = image.cam_from_world;
     if (scope_.rotations) {

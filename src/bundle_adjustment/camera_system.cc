@@ -66,9 +66,7 @@ BlockPattern CameraSystem<kIntrinsics>::PatternOfNodes() const {
       pattern.columns[std::min(camera1, camera2)].push_back(std::max(camera1, camera2));
     }
   }
-  for (std::vector<int>& column : pattern.columns) {
-    column = Unique(std::move(column));
-  }
+  for (std::vector<int>& column : pattern.columns) column = Unique(std::move(column));
   return pattern;
 }
 

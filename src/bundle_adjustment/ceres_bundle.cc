@@ -62,7 +62,7 @@ class BundleProblem {
       AddPrior(camera->second, prior, state_.Intrinsics(id));
     }
     for (const auto& [id, prior] : scope.image_positions) {
-      if (!scope.positions || reconstruction.images.count(id) == 0) continue;
+      if (!scope.positions || !reconstruction.images.contains(id)) continue;
       double* const block = state_.Pose(id).block.data();
       AddPositionPrior(prior, scope.rotations ? 3 : 0, block + (scope.rotations ? 0 : 3));
     }
@@ -110,7 +110,7 @@ class BundleProblem {
     if (!reconstruction.CameraOf(image).ImgFromRay(image.cam_from_world * xyz)) return false;
     PoseState& pose = state_.Pose(id);
     IntrinsicsState& intrinsics = *pose.intrinsics;
-    const bool pose_is_free = scope.fixed_images.count(id) == 0;
+    const bool pose_is_free = !scope.fixed_images.contains(id);
     const Reprojection::Free free{.point = scope.points,
                                   .rotation = scope.rotations && pose_is_free,
                                   .position = scope.positions && pose_is_free};

@@ -30,7 +30,7 @@ std::string CheckCamera(camera_t id, const Camera& camera) {
 std::string CheckImage(const Reconstruction& model, image_t id, const RegisteredImage& image) {
   constexpr double kMaxDefect = 1e-3;  // of a rotation's length
   const camera_t camera_id = image.image.camera_id;
-  if (model.cameras.count(camera_id) == 0) {
+  if (!model.cameras.contains(camera_id)) {
     Refuse(Name("image", id) + " refers to " + Name("camera", camera_id) + ", which is not there");
   }
   if (!image.sigmas_px.empty() && image.sigmas_px.size() != image.points2D.size()) {
@@ -75,7 +75,7 @@ bool IsFinite(const PositionPrior& prior) {
 
 std::string CheckSurveyedPoint(const Reconstruction& model, const SurveyedPoint& point) {
   for (const auto& [id, pixel] : point.pixels) {
-    if (model.images.count(id) == 0) {
+    if (!model.images.contains(id)) {
       throw ConfigError("surveyed_points", "there is no " + Name("image", id));
     }
     if (!pixel.allFinite())

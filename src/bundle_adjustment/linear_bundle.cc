@@ -40,7 +40,7 @@ LinearBundle<kIntrinsics>::LinearBundle(const ceres::LossFunction* loss, const R
     bends_.resize(observations_.all.size());
   }
   for (const auto& [id, image] : bundle.reconstruction().images) {
-    pose_is_free_.push_back(bundle.scope().fixed_images.count(id) == 0);
+    pose_is_free_.push_back(!bundle.scope().fixed_images.contains(id));
   }
   AddPriors();
 }
@@ -58,7 +58,7 @@ void LinearBundle<kIntrinsics>::AddPriors() {
     priors_.push_back({system_.IntrinsicsAt(index), of_free.mean, of_free.precision, nullptr});
   }
   for (const auto& [id, prior] : scope.image_positions) {
-    if (reconstruction.images.count(id) == 0 || scope.fixed_images.count(id) > 0) continue;
+    if (!reconstruction.images.contains(id) || scope.fixed_images.contains(id)) continue;
     const auto index = static_cast<int>(&bundle_.Pose(id) - bundle_.poses().data());
     priors_.push_back(
         {system_.PoseAt(index) + kPose - 3, prior.position, prior.precision, &position_loss_});

@@ -10,14 +10,14 @@ MatchOrigins::MatchOrigins(const Database& database) {
   }
   for (const auto& [pair, num] : database.ReadNumMatches()) {
     const auto [id1, id2] = PairIdToImagePair(pair);
-    if (is_given_.count(id1) > 0 && is_given_.count(id2) > 0) continue;
+    if (is_given_.contains(id1) && is_given_.contains(id2)) continue;
     unrecorded_.insert({id1, id2});
   }
 }
 
 bool MatchOrigins::IsGiven(image_t image) const {
   const auto recorded = is_given_.find(image);
-  return recorded != is_given_.end() ? recorded->second : unrecorded_.count(image) > 0;
+  return recorded != is_given_.end() ? recorded->second : unrecorded_.contains(image);
 }
 
 bool MatchOrigins::AreGiven(image_pair_t pair) const {
@@ -27,7 +27,7 @@ bool MatchOrigins::AreGiven(image_pair_t pair) const {
 
 bool MatchOrigins::AreOurs(image_pair_t pair) const {
   const auto [id1, id2] = PairIdToImagePair(pair);
-  return is_given_.count(id1) > 0 && is_given_.count(id2) > 0 && !AreGiven(pair);
+  return is_given_.contains(id1) && is_given_.contains(id2) && !AreGiven(pair);
 }
 
 }  // namespace cairn

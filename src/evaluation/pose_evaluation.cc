@@ -28,7 +28,7 @@ std::map<std::string, const PosedCamera*> ByBaseName(const PosedCameras& cameras
                                                      const PosedCameras& counterparts) {
   std::map<std::string, const PosedCamera*> by_base_name;
   for (const auto& [name, camera] : cameras) {
-    if (counterparts.count(name) > 0) continue;
+    if (counterparts.contains(name)) continue;
     const auto [it, is_new] = by_base_name.emplace(BaseName(name), &camera);
     if (!is_new) it->second = nullptr;
   }

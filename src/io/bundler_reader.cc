@@ -90,7 +90,7 @@ void ReadPoints(TextReader& reader, int64_t num_points, size_t num_cameras,
     reconstruction.points3D.emplace(i + 1, ReadPoint(reader));
     views.push_back(ReadViews(reader, num_cameras));
     for (const View& view : views.back()) {
-      if (reconstruction.images.count(static_cast<image_t>(view.camera + 1)) == 0) {
+      if (!reconstruction.images.contains(static_cast<image_t>(view.camera + 1))) {
         reader.Fail("the point is seen by camera " + std::to_string(view.camera) +
                     ", which is not registered");
       }

@@ -174,7 +174,7 @@ std::vector<std::string> WriteBundler(const Reconstruction& reconstruction,
   std::map<image_t, size_t> camera_index;
   for (size_t i = 0; i < images.size(); ++i) camera_index.emplace(images[i].image_id, i);
   for (const auto& [id, image] : reconstruction.images) {
-    CAIRN_CHECK(camera_index.count(id) == 1);
+    CAIRN_CHECK(camera_index.contains(id));
   }
 
   TextWriter list(list_path);

@@ -38,7 +38,7 @@ void CheckNames(const Reconstruction& r, const std::string& folder) {
 
 void CheckReferences(const Reconstruction& r, const std::string& folder) {
   for (const auto& [id, image] : r.images) {
-    if (r.cameras.count(image.image.camera_id) == 0) {
+    if (!r.cameras.contains(image.image.camera_id)) {
       throw IoError(folder, IdText("image", id) + " refers to " +
                                 IdText("camera", image.image.camera_id) + ", which is not there");
     }
@@ -48,9 +48,7 @@ void CheckReferences(const Reconstruction& r, const std::string& folder) {
 // Of distinct keypoints that refer back, as many as refer to a point.
 void CheckTracks(const Reconstruction& r, const std::string& folder) {
   int64_t num_references = 0;
-  for (const auto& [id, image] : r.images) {
-    num_references += image.NumPoints();
-  }
+  for (const auto& [id, image] : r.images) num_references += image.NumPoints();
   for (const auto& [id, point] : r.points3D) {
     if (std::ranges::adjacent_find(point.track) != point.track.end()) {
       throw IoError(folder, IdText("point", id) + " refers to a keypoint twice");

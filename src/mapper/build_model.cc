@@ -183,8 +183,8 @@ bool ImproveBest(StageContext& context, BuiltModel& best) {
 std::vector<image_t> ImagesWithin(const StageContext& context, const Reconstruction& earlier) {
   std::vector<image_t> images;
   for (const auto& [id, pixels] : context.scene.pixels) {
-    const bool is_elsewhere = context.taken.count(id) > 0 || context.reserved.count(id) > 0;
-    if (earlier.images.count(id) > 0 || !is_elsewhere) images.push_back(id);
+    const bool is_elsewhere = context.taken.contains(id) || context.reserved.contains(id);
+    if (earlier.images.contains(id) || !is_elsewhere) images.push_back(id);
   }
   return images;
 }

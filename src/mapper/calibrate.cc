@@ -66,8 +66,8 @@ std::vector<FocalPair> CollectPairs(const SceneData& scene, int max_pairs, int n
   for (const ViewEdge& edge : scene.edges) {
     const camera_t camera_id1 = scene.CameraIdOf(edge.image_id1);
     const camera_t camera_id2 = scene.CameraIdOf(edge.image_id2);
-    if (scene.constant_cameras.count(camera_id1) > 0 &&
-        scene.constant_cameras.count(camera_id2) > 0) {
+    if (scene.constant_cameras.contains(camera_id1) &&
+        scene.constant_cameras.contains(camera_id2)) {
       continue;
     }
     // Pixels of wide lenses have no fundamental matrix.
@@ -171,8 +171,8 @@ std::vector<LoopErrors> CompareLoops(const SceneData& scene, double max_error_de
 }
 
 bool IsOf(const ViewEdge& edge, const std::set<camera_t>& cameras, const SceneData& scene) {
-  return cameras.count(scene.CameraIdOf(edge.image_id1)) > 0 ||
-         cameras.count(scene.CameraIdOf(edge.image_id2)) > 0;
+  return cameras.contains(scene.CameraIdOf(edge.image_id1)) ||
+         cameras.contains(scene.CameraIdOf(edge.image_id2));
 }
 
 std::string Describe(camera_t id, const Camera& camera, const CalibratedFocal& focal) {

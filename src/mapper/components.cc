@@ -89,7 +89,7 @@ void TakeOver(const BuiltModel& built, double max_rotation_error_deg, ViewGraph&
 std::vector<image_t> NotTaken(const StageContext& context, std::span<const image_t> images) {
   std::vector<image_t> rest;
   for (const image_t id : images) {
-    if (context.taken.count(id) == 0) rest.push_back(id);
+    if (!context.taken.contains(id)) rest.push_back(id);
   }
   return rest;
 }
@@ -154,7 +154,7 @@ void TakeOutOthers(std::span<const Reconstruction> models, ViewGraph& graph) {
   if (models.empty()) return;
   for (ViewEdge& edge : graph.edges) {
     const auto has_both = [&](const Reconstruction& model) {
-      return model.images.count(edge.image_id1) > 0 && model.images.count(edge.image_id2) > 0;
+      return model.images.contains(edge.image_id1) && model.images.contains(edge.image_id2);
     };
     if (edge.IsActive() && std::ranges::none_of(models, has_both)) {
       edge.removal = EdgeRemoval::kOtherComponent;

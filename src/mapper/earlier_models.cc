@@ -51,7 +51,7 @@ KnownImages FindKnown(std::span<const Reconstruction> models,
   for (const Reconstruction& model : models) {
     for (const auto& [model_id, image] : model.images) {
       const auto id = ids.find(image.image.name);
-      if (id == ids.end() || scene.pixels.count(id->second) == 0) continue;
+      if (id == ids.end() || !scene.pixels.contains(id->second)) continue;
       known.all.insert(id->second);
       if (HasOtherKeypoints(image, scene.pixels.at(id->second))) known.changed.insert(id->second);
     }
@@ -113,7 +113,7 @@ class CameraAdopter {
   void AdoptOthers(const std::set<image_t>& taken) {
     for (auto& [id, image] : scene_.images) {
       const auto heirs = num_images_.find(image.camera_id);
-      if (taken.count(id) > 0 || heirs == num_images_.end()) continue;
+      if (taken.contains(id) || heirs == num_images_.end()) continue;
       const auto& num_images = heirs->second;
       image.camera_id =
           std::ranges::max_element(num_images, {}, [](auto& heir) { return heir.second; })->first;
@@ -136,7 +136,7 @@ class CameraAdopter {
       const auto [entry, is_first] = equal.try_emplace(
           {*candidates.begin(), camera.model, camera.params}, scene_.cameras.rbegin()->first + 1);
       if (is_first) {
-        const auto is_free = [&](camera_t id) { return used.count(id) == 0; };
+        const auto is_free = [&](camera_t id) { return !used.contains(id); };
         const auto free = std::find_if(candidates.begin(), candidates.end(), is_free);
         if (free != candidates.end()) entry->second = *free;
         Store(camera, *candidates.begin(), entry->second);
@@ -150,7 +150,7 @@ class CameraAdopter {
   // What the database knows of a camera holds, by the model's lens.
   void Store(const Camera& camera, camera_t stored_id, camera_t id) {
     const auto [entry, is_new] = scene_.cameras.try_emplace(id, scene_.cameras.at(stored_id));
-    if (is_new && scene_.constant_cameras.count(stored_id) > 0) scene_.constant_cameras.insert(id);
+    if (is_new && scene_.constant_cameras.contains(stored_id)) scene_.constant_cameras.insert(id);
     entry->second = ByLens(entry->second, camera.model);
     entry->second.camera_id = id;
   }
@@ -184,7 +184,7 @@ std::vector<Reconstruction> AdoptModels(std::span<const Reconstruction> models, 
     auto images = FindImages(*model, ids, scene, taken, left_out);
     if (places_changed) {
       std::erase_if(images, [&](const auto& entry) {
-        return changed.count(entry.first) > 0 && taken.erase(entry.first) > 0;
+        return changed.contains(entry.first) && taken.erase(entry.first) > 0;
       });
     }
     if (images.size() >= 2) {

@@ -27,8 +27,8 @@ std::optional<std::map<image_t, Eigen::Quaterniond>> ChooseEdges(
 }
 
 bool IsWithin(const ViewEdge& edge, const Reconstruction& model) {
-  return edge.removal != EdgeRemoval::kAmbiguous && model.images.count(edge.image_id1) > 0 &&
-         model.images.count(edge.image_id2) > 0;
+  return edge.removal != EdgeRemoval::kAmbiguous && model.images.contains(edge.image_id1) &&
+         model.images.contains(edge.image_id2);
 }
 
 int64_t ReviseEdges(const ModelEvidence& evidence, const Reconstruction& model, ViewGraph& graph) {

@@ -13,7 +13,7 @@ bool AreFar(double focal1, double focal2, double sigma) {
 }  // namespace
 
 bool RefinesExif(const Camera& camera, const SceneData& scene) {
-  return camera.has_prior_focal_length && scene.constant_cameras.count(camera.camera_id) == 0;
+  return camera.has_prior_focal_length && !scene.constant_cameras.contains(camera.camera_id);
 }
 
 std::set<image_t> ImagesThatLeftExif(const SceneData& scene, double exif_sigma,

@@ -49,7 +49,7 @@ std::vector<VerifiedPair> PairsOf(const StageContext& context, const ViewGraph& 
   std::vector<VerifiedPair> pairs;
   for (const ViewEdge& edge : graph.edges) {
     const bool is_of_others =
-        context.taken.count(edge.image_id1) > 0 || context.taken.count(edge.image_id2) > 0;
+        context.taken.contains(edge.image_id1) || context.taken.contains(edge.image_id2);
     pairs.push_back({edge.image_id1, edge.image_id2,
                      is_of_others ? &kNoMatches : &context.scene.matches.at(edge.PairId())});
   }
@@ -78,10 +78,9 @@ std::string Names(const SceneData& scene, std::span<const image_t> images) {
 std::map<image_t, int> NumPairsInUse(const ViewGraph& graph, const Reconstruction& model) {
   std::map<image_t, int> num_pairs;
   for (const ViewEdge& edge : graph.edges) {
-    if (!edge.IsActive() || !model.images.count(edge.image_id1) ||
-        !model.images.count(edge.image_id2)) {
-      continue;
-    }
+    const bool is_within =
+        model.images.contains(edge.image_id1) && model.images.contains(edge.image_id2);
+    if (!edge.IsActive() || !is_within) continue;
     ++num_pairs[edge.image_id1];
     ++num_pairs[edge.image_id2];
   }

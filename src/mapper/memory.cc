@@ -69,7 +69,7 @@ BundleSize SizeOf(const Reconstruction& model, std::span<const Track> tracks,
   double num_pairs = 0;
   for (const Track& track : tracks) {
     int64_t num_used = 0;
-    for (const TrackElement& element : track) num_used += model.images.count(element.image_id) > 0;
+    for (const TrackElement& element : track) num_used += model.images.contains(element.image_id);
     if (num_used < 2) continue;
     ++size.num_points;
     size.num_observations += num_used;

@@ -101,7 +101,7 @@ class PartMerger {
     }
     std::vector<image_t> others;
     for (const auto& [id, image] : scene_.images) {
-      if (taken.count(id) == 0 && named_.count(id) == 0) others.push_back(id);
+      if (!taken.contains(id) && !named_.contains(id)) others.push_back(id);
     }
     if (!others.empty()) {
       stage.Note(std::string("images in no model (") +

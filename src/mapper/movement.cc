@@ -56,9 +56,9 @@ std::vector<image_t> ImagesOfFrame(const Reconstruction& model, const Reconstruc
                                    const std::map<image_t, PoseConfidence>& confidences) {
   std::vector<image_t> all, kept;
   for (const auto& [id, image] : earlier.images) {
-    if (model.images.count(id) == 0) continue;
+    if (!model.images.contains(id)) continue;
     all.push_back(id);
-    if (confidences.count(id) > 0) kept.push_back(id);
+    if (confidences.contains(id)) kept.push_back(id);
   }
   return kept.size() > 1 ? kept : all;
 }

@@ -25,7 +25,7 @@ std::vector<std::set<image_t>> ImagesThatShare(const SceneData& scene) {
   std::map<camera_t, image_t> first_of_camera;
   for (const auto& [id, pixels] : scene.pixels) {
     const camera_t camera_id = scene.CameraIdOf(id);
-    if (scene.constant_cameras.count(camera_id) > 0) continue;
+    if (scene.constant_cameras.contains(camera_id)) continue;
     edges.push_back(nodes.EdgeOf(first_of_camera.try_emplace(camera_id, id).first->second, id));
   }
   return nodes.ConnectedBy(edges);
@@ -53,7 +53,7 @@ SceneData TakeImages(const std::set<image_t>& ids, SceneData& scene) {
     part.scales.insert(scene.scales.extract(id));
     const camera_t camera_id = scene.CameraIdOf(id);
     part.cameras[camera_id] = scene.cameras.at(camera_id);
-    if (scene.constant_cameras.count(camera_id) > 0) part.constant_cameras.insert(camera_id);
+    if (scene.constant_cameras.contains(camera_id)) part.constant_cameras.insert(camera_id);
   }
   static_cast<SceneFacts&>(part) = scene;
   return part;

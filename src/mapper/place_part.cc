@@ -88,10 +88,10 @@ Crossing FindCrossing(const StageContext& context, const ViewGraph& graph,
   std::vector<CrossingPair> pairs;
   for (const ViewEdge& edge : graph.edges) {
     if (edge.removal == EdgeRemoval::kAmbiguous) continue;  // leads to another place
-    const bool is_rest_first = rest.images.count(edge.image_id1) > 0;
+    const bool is_rest_first = rest.images.contains(edge.image_id1);
     const image_t in_rest = is_rest_first ? edge.image_id1 : edge.image_id2;
     const image_t in_part = is_rest_first ? edge.image_id2 : edge.image_id1;
-    if (rest.images.count(in_rest) == 0 || part.images.count(in_part) == 0) continue;
+    if (!rest.images.contains(in_rest) || !part.images.contains(in_part)) continue;
     for (const FeatureMatch& match : context.scene.matches.at(edge.PairId())) {
       finder.Add({in_rest, is_rest_first ? match.point1 : match.point2},
                  {in_part, is_rest_first ? match.point2 : match.point1});
@@ -226,8 +226,8 @@ std::set<image_t> NeighborsOf(const std::set<image_t>& images, const Reconstruct
                               const ViewGraph& graph) {
   std::set<image_t> neighbors;
   for (const ViewEdge& edge : graph.edges) {
-    const bool has_first = images.count(edge.image_id1) > 0;
-    if (!IsWithin(edge, model) || has_first == (images.count(edge.image_id2) > 0)) continue;
+    const bool has_first = images.contains(edge.image_id1);
+    if (!IsWithin(edge, model) || has_first == (images.contains(edge.image_id2))) continue;
     neighbors.insert(has_first ? edge.image_id2 : edge.image_id1);
   }
   return neighbors;
@@ -252,7 +252,7 @@ Reconstruction PartOf(const Reconstruction& model, const std::set<image_t>& imag
     std::erase_if(point.track, [&](const auto& element) { return !is_of_part(element.image_id); });
     if (point.track.size() < 2) continue;
     std::erase_if(point.track,
-                  [&](const auto& element) { return images.count(element.image_id) == 0; });
+                  [&](const auto& element) { return !images.contains(element.image_id); });
     part.AddPoint3D(std::move(point));
   }
   return part;
@@ -275,7 +275,7 @@ PlaceOfPart PlacePart(StageContext& context, const ViewGraph& graph, const Recon
 }
 
 PartAndRest SplitOff(const BuiltModel& built, const std::set<image_t>& images) {
-  const auto is_of_part = [&](image_t id) { return images.count(id) > 0; };
+  const auto is_of_part = [&](image_t id) { return images.contains(id); };
   const std::set<image_t> neighbors = NeighborsOf(images, *built.model, built.graph);
   return {PartOf(*built.model, images, is_of_part),
           PartOf(*built.model, neighbors, std::not_fn(is_of_part))};

@@ -100,7 +100,7 @@ void ReadEdges(const Database& database,
   std::vector<std::string> bad;
   const auto warn = [&](const std::string& message) { bad.push_back(message); };
   const auto is_used = [&](const ViewEdge& edge) {
-    return scene.pixels.count(edge.image_id1) > 0 && scene.pixels.count(edge.image_id2) > 0;
+    return scene.pixels.contains(edge.image_id1) && scene.pixels.contains(edge.image_id2);
   };
   const auto keep = [&](const ViewEdge& edge, TwoViewGeometry&& geometry) {
     if (!is_used(edge)) return;

@@ -50,7 +50,7 @@ IntrinsicsPrior PriorOf(const StageContext& context, camera_t id, const Camera& 
   } else {
     prior.focal_sigma = camera.has_prior_focal_length ? options.exif_sigma : options.guess_sigma;
   }
-  if (context.free_principal_points.count(id) > 0) {
+  if (context.free_principal_points.contains(id)) {
     prior.principal_point_sigma_px =
         options.principal_point_sigma * std::max(camera.width, camera.height);
   }

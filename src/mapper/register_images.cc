@@ -20,8 +20,8 @@ std::map<image_t, std::vector<const ViewEdge*>> FindPairsOfOutsiders(const ViewG
   std::map<image_t, std::vector<const ViewEdge*>> pairs;
   for (const ViewEdge& edge : graph.edges) {
     if (edge.removal == EdgeRemoval::kAmbiguous) continue;  // leads to another place
-    const bool has_first = model.images.count(edge.image_id1) > 0;
-    if (has_first == (model.images.count(edge.image_id2) > 0)) continue;
+    const bool has_first = model.images.contains(edge.image_id1);
+    if (has_first == (model.images.contains(edge.image_id2))) continue;
     pairs[has_first ? edge.image_id2 : edge.image_id1].push_back(&edge);
   }
   return pairs;
@@ -68,7 +68,7 @@ ResectionReport Resect(const StageContext& context, const Correspondences& corre
       known != model.cameras.end() ? known->second : context.scene.cameras.at(image.camera_id);
   const bool is_guess = known == model.cameras.end() && !camera.has_prior_focal_length &&
                         !camera.FocalIndices().empty() &&
-                        context.scene.constant_cameras.count(image.camera_id) == 0;
+                        !context.scene.constant_cameras.contains(image.camera_id);
   std::vector<Eigen::Vector2d> pixels;
   std::vector<Eigen::Vector3d> xyz;
   for (size_t i = 0; i < correspondences.points.size(); ++i) {
@@ -93,7 +93,7 @@ std::vector<Candidate> FindCandidates(const StageContext& context, const ViewGra
   std::vector<Candidate> found;
   const auto pairs = FindPairsOfOutsiders(graph, model);
   for (const auto& [id, edges] : pairs) {
-    if (context.taken.count(id) == 0 && context.reserved.count(id) == 0) found.push_back({id, {}});
+    if (!context.taken.contains(id) && !context.reserved.contains(id)) found.push_back({id, {}});
   }
   ParallelFor(context.run.num_threads, std::ssize(found), [&](int64_t i) {
     const image_t id = found[i].image_id;
@@ -118,7 +118,7 @@ std::vector<Candidate*> NextOnes(const StageContext& context, const Reconstructi
   for (Candidate& candidate : candidates) {
     const camera_t camera_id = context.scene.images.at(candidate.image_id).camera_id;
     if (candidate.is_done) continue;
-    if (model.cameras.count(camera_id) > 0 || unknown.insert(camera_id).second) {
+    if (model.cameras.contains(camera_id) || unknown.insert(camera_id).second) {
       next.push_back(&candidate);
     }
   }

@@ -220,7 +220,7 @@ void ImproveRelativePoses(const std::map<image_pair_t, TwoViewGeometry>& geometr
                           const RunContext& run, SceneData& scene) {
   std::vector<ViewEdge*> edges;
   for (ViewEdge& edge : scene.edges) {
-    if (geometries.count(edge.PairId()) > 0) edges.push_back(&edge);
+    if (geometries.contains(edge.PairId())) edges.push_back(&edge);
   }
   ParallelFor(run.num_threads, static_cast<int64_t>(edges.size()),
               [&](int64_t i) { ImproveEdge(scene, geometries.at(edges[i]->PairId()), *edges[i]); });

@@ -12,7 +12,7 @@ constexpr double kDecisiveNats = 10;
 // missing still?
 bool ExplainMore(const std::set<image_t>& anew, const BuiltModel& after, const BuiltModel& before) {
   const auto is_registered = [&](image_t id) {
-    return anew.count(id) > 0 && after.model->images.count(id) > 0;
+    return anew.contains(id) && after.model->images.contains(id);
   };
   int64_t num_after = 0, num_before = 0;
   for (size_t e = 0; e < after.graph.edges.size(); ++e) {

@@ -78,7 +78,7 @@ bool LeadsTo(const StageContext& context, const Reconstruction& finished,
              const Reconstruction& rough) {
   std::vector<image_t> ids;
   for (const auto& [id, image] : rough.images) {
-    if (finished.images.count(id) == 0) return false;
+    if (!finished.images.contains(id)) return false;
     ids.push_back(id);
   }
   const Sim3d rough_from_finished = FrameOf(rough, finished, ids);

@@ -29,7 +29,7 @@ std::map<CameraKind, size_t> FrequentKinds(const SceneData& scene,
   std::map<CameraKind, size_t> num_images, num_unturned;
   for (const image_t id : images) {
     const camera_t camera_id = scene.CameraIdOf(id);
-    if (scene.constant_cameras.count(camera_id) > 0) continue;
+    if (scene.constant_cameras.contains(camera_id)) continue;
     const CameraKind kind = KindOf(scene.cameras.at(camera_id));
     ++num_images[kind];
     ++num_unturned[Unturned(kind)];
@@ -39,7 +39,7 @@ std::map<CameraKind, size_t> FrequentKinds(const SceneData& scene,
   for (const auto& [kind, num] : num_unturned) num_frequent += num;
   if (2 * num_frequent <= images.size()) return {};
   std::erase_if(num_images, [&](const auto& entry) {
-    return entry.second < 2 || num_unturned.count(Unturned(entry.first)) == 0;
+    return entry.second < 2 || !num_unturned.contains(Unturned(entry.first));
   });
   return num_images;
 }
@@ -65,7 +65,7 @@ std::vector<std::set<image_t>> LikelyOfOneCamera(const SceneData& scene) {
     if (connected.size() < 2) continue;
     for (const image_t id : connected) {
       const camera_t camera_id = scene.CameraIdOf(id);
-      if (scene.constant_cameras.count(camera_id) > 0) continue;
+      if (scene.constant_cameras.contains(camera_id)) continue;
       Group& group = groups[KindOf(scene.cameras.at(camera_id))];
       group.images.insert(id);
       group.cameras.insert(camera_id);
@@ -91,7 +91,7 @@ bool AgreeWithOneCamera(std::span<const Reconstruction> models, const std::set<i
   const bool agree = std::ranges::all_of(models, [&](const Reconstruction& model) {
     std::set<std::pair<CameraModel, std::vector<double>>> cameras;
     for (const auto& [id, image] : model.images) {
-      if (names.count(image.image.name) == 0) continue;
+      if (!names.contains(image.image.name)) continue;
       const Camera& camera = model.cameras.at(image.image.camera_id);
       cameras.insert({camera.model, camera.params});
       ++num_images;
@@ -122,7 +122,7 @@ void ShareCamera(const std::set<image_t>& images, Camera camera, const RunContex
   }
   scene.cameras[camera.camera_id] = camera;
   for (auto& [id, image] : scene.images) {
-    if (ids.count(image.camera_id) == 0) continue;
+    if (!ids.contains(image.camera_id)) continue;
     scene.stored_cameras[id] = std::exchange(image.camera_id, camera.camera_id);
   }
   if (are_alike) return;

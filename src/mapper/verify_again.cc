@@ -41,7 +41,7 @@ ReverifiedPairs VerifyAgain(StageContext& context, const Reconstruction& model,
   std::vector<const ViewEdge*> edges;
   const auto is_moved = [&](image_t id) {
     const auto image = model.images.find(id);
-    return image != model.images.end() && moved.count(image->second.image.camera_id) > 0;
+    return image != model.images.end() && moved.contains(image->second.image.camera_id);
   };
   for (const ViewEdge& edge : graph.edges) {
     if (edge.IsActive() && (is_moved(edge.image_id1) || is_moved(edge.image_id2))) {

@@ -56,7 +56,7 @@ std::vector<std::vector<image_t>> SequencesByTime(const std::vector<Image>& imag
                                                   const std::map<image_t, double>& taken_at_s) {
   std::vector<Image> ordered;
   for (const Image& image : images) {
-    if (taken_at_s.count(image.image_id) > 0) ordered.push_back(image);
+    if (taken_at_s.contains(image.image_id)) ordered.push_back(image);
   }
   std::sort(ordered.begin(), ordered.end(), [&](const Image& a, const Image& b) {
     const double time1 = taken_at_s.at(a.image_id), time2 = taken_at_s.at(b.image_id);

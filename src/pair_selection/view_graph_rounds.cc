@@ -28,9 +28,7 @@ LinksOfImages FindLinks(const PairEvidence& evidence) {
       links[id2].push_back({match.point2, id1, match.point1});
     }
   }
-  for (auto& [image, of_image] : links) {
-    std::ranges::stable_sort(of_image, {}, &Link::point);
-  }
+  for (auto& [image, of_image] : links) std::ranges::stable_sort(of_image, {}, &Link::point);
   return links;
 }
 
@@ -105,8 +103,8 @@ int SeparatingCount(const PairEvidence& evidence, const Candidates& candidates) 
   for (const auto& [image, of_image] : candidates) {
     for (const Candidate& candidate : of_image) {
       const image_pair_t pair = ImagePairToPairId(image, candidate.image_id);
-      if (evidence.matched.count(pair) == 0) continue;
-      gain[candidate.num_matches] += evidence.verified.count(pair) > 0 ? 1 : -1;
+      if (!evidence.matched.contains(pair)) continue;
+      gain[candidate.num_matches] += evidence.verified.contains(pair) ? 1 : -1;
     }
   }
   int best = gain.empty() ? 1 : gain.begin()->first + 1;
@@ -133,7 +131,7 @@ std::vector<image_pair_t> PairsTwoEdgesApart(const PairEvidence& evidence, int m
   for (size_t i = 0; i < images.size(); ++i) {
     for (const auto& [other, count] : counts[i]) {
       if (count < min_shared_points) continue;
-      if (evidence.matched.count(ImagePairToPairId(images[i], other)) > 0) continue;
+      if (evidence.matched.contains(ImagePairToPairId(images[i], other))) continue;
       found[images[i]].emplace_back(-count, other);
       found[other].emplace_back(-count, images[i]);
     }

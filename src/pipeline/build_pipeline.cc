@@ -329,7 +329,7 @@ std::string OptionsOfStage(const StageRecord& record) {
   for (const auto& [key, value] : record.OptionValues()) {
     const bool is_plain =
         key.find_first_not_of("abcdefghijklmnopqrstuvwxyz0123456789_.") == std::string::npos;
-    const bool is_input = inputs.count(key) > 0 && key != "pairs" && key != "verifier";
+    const bool is_input = inputs.contains(key) && key != "pairs" && key != "verifier";
     if (is_plain && !is_input) options += key + " = " + value + "\n";
   }
   return options;

@@ -11,7 +11,7 @@ namespace {
 
 void CountComponents(const std::vector<std::pair<image_pair_t, int>>& pairs,
                      ViewGraphSummary& summary) {
-  const bool are_imported = summary.verified_by.count(kImportedVerifier) > 0;  // without inliers
+  const bool are_imported = summary.verified_by.contains(kImportedVerifier);  // without inliers
   std::map<image_t, int> nodes;
   const auto node = [&nodes](image_t id) {
     return nodes.emplace(id, static_cast<int>(nodes.size())).first->second;
@@ -77,7 +77,7 @@ ViewGraphSummary SummarizeDatabase(const Database& database) {
   if (summary.num_verified > num_ours) {
     summary.verified_by["given"] = summary.num_verified - num_ours;
   }
-  if (summary.verified_by.count(kImportedVerifier) == 0) summary.num_tried = num_ours;
+  if (!summary.verified_by.contains(kImportedVerifier)) summary.num_tried = num_ours;
   for (const auto& [reason, num] : database.CountRejections()) {
     if (reason == PairStatusName(PairStatus::kTooFewMatches)) {
       summary.num_too_few = num;

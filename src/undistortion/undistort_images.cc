@@ -175,7 +175,7 @@ void DenseFolder::Finish(const std::vector<Item>& items, const Reconstruction& m
   }
   for (const std::string& name : ledger_.Names()) {
     const fs::path file = PathInFolder((fs::path(job_.output_path) / "images").string(), name);
-    if (entries.count(name) > 0 || !fs::is_regular_file(file)) continue;
+    if (entries.contains(name) || !fs::is_regular_file(file)) continue;
     if (ledger_.IsOurs(name, HashToHex(HashFile(file.string())))) fs::remove(file);
   }
   ledger_.Keep(entries);
@@ -237,7 +237,7 @@ UndistortReport UndistortImages(const Reconstruction& model, const UndistortJob&
   std::map<camera_t, Camera> targets;
   for (const auto& [id, image] : model.images) {
     const Camera& camera = model.CameraOf(image);
-    if (targets.count(camera.camera_id) > 0) continue;
+    if (targets.contains(camera.camera_id)) continue;
     // (Of a larger one, Undistort says so.)
     const bool is_too_large = std::max(camera.width, camera.height) > kMaxResampledSide;
     targets[camera.camera_id] = is_too_large ? camera : UndistortedCamera(camera, options);

@@ -29,9 +29,9 @@ Reconstruction UndistortedModel(const Reconstruction& model, const std::set<std:
   Reconstruction out;
   std::map<image_t, std::vector<point2D_t>> new_index;
   for (const auto& [id, image] : model.images) {
-    if (names.count(image.image.name) == 0) continue;
+    if (!names.contains(image.image.name)) continue;
     const Camera& source = model.CameraOf(image);
-    if (out.cameras.count(source.camera_id) == 0) {
+    if (!out.cameras.contains(source.camera_id)) {
       out.cameras[source.camera_id] = UndistortedCamera(source, options);
     }
     out.images[id] =

@@ -380,7 +380,7 @@ void KeepProven(const std::vector<Pair>& pairs, int num_images, Groups& groups) 
     std::map<int, double> evidence;
     for (int i = 0; i < num_images; ++i) {
       const int group = groups.Of(i);
-      if (evidence.count(group) > 0 || alone.count(group) > 0) continue;
+      if (evidence.contains(group) || alone.contains(group)) continue;
       if (groups.SizeOf(group) == num_images) return;
       evidence[group] = SplitEvidence(borders[group], groups.SizeOf(group), num_images);
     }

@@ -33,8 +33,8 @@ Symmetry FindSymmetry(const Reconstruction& model, const ViewGraph& graph) {
   std::vector<Eigen::Quaterniond> turns;
   std::vector<const ViewEdge*> edges;  // of the turns
   for (const ViewEdge& edge : graph.edges) {
-    if (edge.num_inliers < kMinInliers || model.images.count(edge.image_id1) == 0 ||
-        model.images.count(edge.image_id2) == 0) {
+    if (edge.num_inliers < kMinInliers || !model.images.contains(edge.image_id1) ||
+        !model.images.contains(edge.image_id2)) {
       continue;
     }
     if (edge.IsActive()) ++symmetry.num_active;

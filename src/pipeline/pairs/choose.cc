@@ -72,7 +72,7 @@ PairEvidence ReadEvidence(const Database& database, const std::map<image_t, int>
   for (const auto& [pair, num] : database.ReadNumMatches()) evidence.matched.insert(pair);
   for (const image_pair_t pair : database.ReadTwoViewGeometryPairIds()) {
     const auto [id1, id2] = PairIdToImagePair(pair);
-    if (evidence.images.count(id1) == 0 || evidence.images.count(id2) == 0) continue;
+    if (!evidence.images.contains(id1) || !evidence.images.contains(id2)) continue;
     try {
       evidence.verified[pair] = database.ReadTwoViewGeometry(pair)->inlier_matches;
     } catch (const IoError&) {  // a damaged row: matched, not verified
@@ -113,7 +113,7 @@ double LatestYield(const std::vector<PairChoiceRecord>& choices, const PairEvide
   for (const auto& choice : choices) {
     if (choice.reason != NameOf(kPairReasons, reason) || choice.round != latest) continue;
     ++num;
-    num_verified += evidence.verified.count(choice.pair_id) > 0;
+    num_verified += evidence.verified.contains(choice.pair_id);
   }
   return static_cast<double>(num_verified) / num;
 }
@@ -290,7 +290,7 @@ std::vector<image_pair_t> PairChooser::Write(const Choices& choices, int round) 
   const auto recorded = Chosen();
   for (const auto& [pair, reason] : choices) {
     const auto [id1, id2] = PairIdToImagePair(pair);
-    if (num_descriptors_.count(id1) == 0 || num_descriptors_.count(id2) == 0) continue;
+    if (!num_descriptors_.contains(id1) || !num_descriptors_.contains(id2)) continue;
     const auto row = std::lower_bound(matched.begin(), matched.end(), std::pair(pair, 0));
     if (row != matched.end() && row->first == pair) continue;
     if (origins_.AreGiven(pair)) continue;
@@ -320,7 +320,7 @@ StageReport PairChooser::ChooseFirst() {
     }
     std::erase_if(choices, [&](const auto& choice) {
       const auto [id1, id2] = PairIdToImagePair(choice.first);
-      return fresh.count(id1) == 0 && fresh.count(id2) == 0;
+      return !fresh.contains(id1) && !fresh.contains(id2);
     });
     Database::Transaction transaction(database_);
     num_new = Write(choices, LastRound(database_.ReadPairChoices()) + 1).size();

@@ -19,7 +19,7 @@ std::optional<std::pair<std::string, std::string>> SplitLine(
        end = line.find_first_of(" \t", line.find_first_not_of(" \t", end))) {
     const size_t begin = line.find_first_not_of(" \t", end);
     std::pair<std::string, std::string> names(line.substr(0, end), line.substr(begin));
-    if (ids.count(names.first) > 0 && ids.count(names.second) > 0) return names;
+    if (ids.contains(names.first) && ids.contains(names.second)) return names;
     if (!first) first = std::move(names);
   }
   return first;

@@ -91,7 +91,7 @@ void PairLoader::ReadImage(image_t id, PairImage& loaded) {
                                           std::to_string(loaded.depth.size()) + " depth samples");
     }
   } catch (const IoError& error) {
-    if (is_damaged_.count(id) == 0)
+    if (!is_damaged_.contains(id))
       stage_.Warn(std::string(error.what()) + "; its depth is not used");
     loaded.depth.clear();
   }

@@ -44,11 +44,11 @@ std::vector<FeatureItem> FindItems(const Database& database,
   const std::map<image_t, int> num_keypoints = database.ReadNumKeypoints();
   std::vector<FeatureItem> items;
   for (const Image& image : database.ReadImages()) {
-    if (num_keypoints.count(image.image_id) > 0) continue;
+    if (num_keypoints.contains(image.image_id)) continue;
     const auto input = inputs.find(image.image_id);
     if (input == inputs.end()) continue;
     items.push_back(
-        {image, sizes[image.camera_id], input->second, ours.count(image.image_id) > 0, ""});
+        {image, sizes[image.camera_id], input->second, ours.contains(image.image_id), ""});
   }
   return items;
 }

@@ -23,7 +23,7 @@ bool HasForeignSift(const Database& database) {
   std::set<uint64_t> ours;
   for (const JobRecord& job : database.ReadJobs(kStageFeatures)) ours.insert(job.item);
   for (const auto& [id, num] : database.ReadNumDescriptors()) {
-    if (num == 0 || ours.count(id) > 0) continue;
+    if (num == 0 || ours.contains(id)) continue;
     try {
       const auto keypoints = database.ReadKeypoints(id);
       if (keypoints && !keypoints->empty()) return std::ranges::all_of(*keypoints, IsSimilarity);

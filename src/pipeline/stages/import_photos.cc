@@ -61,9 +61,9 @@ size_t HandleMissing(Database& database, const PhotoSource& source,
   bool any_is_there = std::ranges::any_of(
       imported, [&](const std::string& name) { return present.count(name) > 0; });
   for (const Image& image : database.ReadImages()) {
-    if (present.count(image.name) > 0) {
+    if (present.contains(image.name)) {
       any_is_there = true;
-    } else if (source.drop_missing || imported.count(image.name) > 0) {
+    } else if (source.drop_missing || imported.contains(image.name)) {
       names.push_back(image.name);
       missing.insert(image.image_id);
     } else {
@@ -116,7 +116,7 @@ void ForgetChanged(Database& database, const std::vector<Photo>& photos, Stage& 
   }
   std::set<image_t> ids;
   for (const Image& image : database.ReadImages()) {
-    if (changed.count(image.name) > 0) ids.insert(image.image_id);
+    if (changed.contains(image.name)) ids.insert(image.image_id);
   }
   if (ids.empty()) return;
   Database::Transaction transaction(database);
@@ -259,7 +259,7 @@ std::vector<Photo> SelectNew(const Database& database, std::vector<Photo> photos
     const auto image = stored.ids.find(photo.name);
     const bool is_stored = image != stored.ids.end();
     if (record == records.end()) {
-      if (is_stored && num_keypoints.count(image->second) > 0) {
+      if (is_stored && num_keypoints.contains(image->second)) {
         foreign.push_back(photo.name);
         continue;
       }
@@ -296,7 +296,7 @@ KnownPhotos FindKnownPhotos(const StoredImages& stored, const StageLedger& ledge
   for (const Image& image : stored.images) {
     const auto photo = by_name.find(image.name);
     const auto size = stored.cameras.find(image.camera_id);
-    if (photo == by_name.end() || size == stored.cameras.end() || known.count(size->first) > 0 ||
+    if (photo == by_name.end() || size == stored.cameras.end() || known.contains(size->first) ||
         !HasOurCamera(ledger, image.image_id) || !photo->second->error.empty()) {
       continue;
     }

@@ -49,7 +49,7 @@ std::map<image_t, uint64_t> HashDescriptorsOf(const std::set<image_t>& images,
       }
     } catch (const IoError& error) {
       not_matched.push_back(std::string(error.what()) + "; " +
-                            (names.count(id) > 0 ? names.at(id) : "image " + std::to_string(id)) +
+                            (names.contains(id) ? names.at(id) : "image " + std::to_string(id)) +
                             " is not matched");
       reasons.push_back(error.reason());
     }
@@ -78,8 +78,8 @@ MatchingWork FindWork(const Database& database, std::vector<image_pair_t> wanted
   for (const Image& image : database.ReadImages()) {
     const image_t id = image.image_id;
     names[id] = image.name;
-    if (work.num_descriptors.count(id) > 0) continue;
-    ++(matched.count(id) > 0 ? num_closed : work.num_left_out);
+    if (work.num_descriptors.contains(id)) continue;
+    ++(matched.contains(id) ? num_closed : work.num_left_out);
   }
   if (num_closed > 0 && !work.num_descriptors.empty()) {
     stage.Warn(ResultWarning{std::to_string(num_closed) +
@@ -94,7 +94,7 @@ MatchingWork FindWork(const Database& database, std::vector<image_pair_t> wanted
   const std::map<image_t, uint64_t> hashes = HashDescriptorsOf(images, names, database, stage);
   std::erase_if(wanted, [&](image_pair_t pair) {
     const auto [id1, id2] = PairIdToImagePair(pair);
-    return hashes.count(id1) == 0 || hashes.count(id2) == 0;
+    return !hashes.contains(id1) || !hashes.contains(id2);
   });
   std::set_difference(wanted.begin(), wanted.end(), present.begin(), present.end(),
                       std::back_inserter(work.pairs));
@@ -102,9 +102,9 @@ MatchingWork FindWork(const Database& database, std::vector<image_pair_t> wanted
   std::set<image_t> taking_part = ImagesOf(work.pairs);
   if (!work.pairs.empty()) taking_part.insert(unrecorded.begin(), unrecorded.end());
   for (const auto& [id, hash] : hashes) {
-    if (ledger.Find(id) == nullptr && taking_part.count(id) == 0) continue;
+    if (ledger.Find(id) == nullptr && !taking_part.contains(id)) continue;
     if (ledger.IsDone(id, hash, "the features of " + names[id])) continue;
-    work.new_jobs.push_back({id, hash, unrecorded.count(id) > 0 ? kGivenNote : ""});
+    work.new_jobs.push_back({id, hash, unrecorded.contains(id) ? kGivenNote : ""});
   }
   return work;
 }

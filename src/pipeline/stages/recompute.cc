@@ -25,7 +25,7 @@ void CheckPhotographs(const Database& database, BuildStage stage, const std::str
   }
   const std::map<image_t, int> num_keypoints = database.ReadNumKeypoints();
   for (const Image& image : database.ReadImages()) {
-    if (num_keypoints.count(image.image_id) == 0) continue;
+    if (!num_keypoints.contains(image.image_id)) continue;
     if (!fs::exists(fs::path(image_path) / image.name)) {
       throw ConfigError("recompute", image.name + " has features, but is not in " + image_path +
                                          "; what was made from it would be lost");
@@ -64,10 +64,10 @@ void CheckDescriptors(const Database& database) {
   }
   const std::set<image_t> ours = ImagesOf(database, kStageFeatures);
   for (const image_t id : images) {
-    if (num_descriptors.count(id) == 0) {
+    if (!num_descriptors.contains(id)) {
       ThrowLost(id, "matches, but no descriptors; its matches would be lost");
     }
-    if (ours.count(id) > 0) continue;
+    if (ours.contains(id)) continue;
     try {
       database.ReadDescriptors(id);
     } catch (const IoError& error) {
@@ -94,7 +94,7 @@ void CheckDepth(const Database& database, const std::string& image_path,
   const std::set<image_t> ours = ImagesOf(database, kStageDepth);
   for (const Image& image : database.ReadImages()) {
     const image_t id = image.image_id;
-    if (num_samples.count(id) == 0 || ours.count(id) > 0) continue;
+    if (!num_samples.contains(id) || ours.contains(id)) continue;
     const bool has_source =
         source.depth_path.empty()
             ? fs::exists(fs::path(image_path) / image.name)

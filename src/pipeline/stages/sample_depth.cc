@@ -72,14 +72,14 @@ std::vector<DepthItem> FindWork(const Database& database, const std::string& ima
   const std::map<image_t, int> num_samples = database.ReadNumDepthSamples();
   std::vector<DepthItem> work;
   for (const Image& image : database.ReadImages()) {
-    if (num_keypoints.count(image.image_id) == 0) continue;
+    if (!num_keypoints.contains(image.image_id)) continue;
     const JobRecord* job = ledger.Find(image.image_id);
-    if (job == nullptr && num_samples.count(image.image_id) > 0) continue;  // Given.
+    if (job == nullptr && num_samples.contains(image.image_id)) continue;  // Given.
     DepthItem item;
     item.image = image;
     item.size = sizes[image.camera_id];
     FindFile(image_path, source, item);
-    if (!item.error.empty() && num_samples.count(image.image_id) > 0) continue;  // They stay.
+    if (!item.error.empty() && num_samples.contains(image.image_id)) continue;  // They stay.
     try {
       item.input_hash = InputHash(database, item, source_hash);
     } catch (const IoError& error) {  // Keypoints or a map that cannot be read.

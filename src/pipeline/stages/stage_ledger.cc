@@ -34,7 +34,7 @@ void CheckStageOptions(const Database& database, const std::string& name,
     }
   }
   for (const auto& [key, value] : old_values) {
-    if (values.count(key) > 0 || IsRetired(key, value)) continue;
+    if (values.contains(key) || IsRetired(key, value)) continue;
     throw ConfigError(key,
                       "is " + value + " in " + stage + ", and no longer an option; use " + remedy);
   }
