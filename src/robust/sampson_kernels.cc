@@ -4,6 +4,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <limits>
+#include <optional>
 
 // These would only cost compile time.
 #define HWY_DISABLED_TARGETS (HWY_SSSE3 | HWY_AVX3_DL)
@@ -41,8 +42,10 @@ struct SampsonError {
   float ratio, unit, f2;
 };
 
-// Squared focal lengths, over the squared unit of the errors.
-struct SquaredFocals {
+// A homography and its inverse, with the sign that puts the points in front, and squared focal
+// lengths over the squared unit of the errors.
+struct HomographyError {
+  Matrix9f H, inverse;
   float f1, f2;
 };
 
@@ -52,9 +55,8 @@ struct SquaredFocals {
 HWY_BEFORE_NAMESPACE();
 namespace cairn::HWY_NAMESPACE {
 
-using internal::Matrix9f;
+using internal::HomographyError;
 using internal::SampsonError;
-using internal::SquaredFocals;
 
 // Algebraic error and squared gradient of 16 / kParts pairs.
 struct EpipolarTerms {
@@ -217,22 +219,20 @@ HWY_INLINE V SquaredRayTransfer(const V* M, Bearings from, Bearings target, V sq
   return hn::IfThenElse(agrees, (a * a + b * b + c * c) * squared_focal / norm, Const(1e30f));
 }
 
-// A homography and its inverse, with the sign that puts the points in front, and squared focals
-// over the squared unit of the errors.
+// A HomographyError in vectors.
 struct Transfers {
   V forward[9], backward[9];
   V f1, f2;
 };
 
-HWY_INLINE Transfers LoadTransfers(const Matrix9f& H, const Matrix9f& inverse,
-                                   const SquaredFocals& focals) {
+HWY_INLINE Transfers LoadTransfers(const HomographyError& error) {
   Transfers transfers;
   for (int k = 0; k < 9; ++k) {
-    transfers.forward[k] = Const(H.v[k]);
-    transfers.backward[k] = Const(inverse.v[k]);
+    transfers.forward[k] = Const(error.H.v[k]);
+    transfers.backward[k] = Const(error.inverse.v[k]);
   }
-  transfers.f1 = Const(focals.f1);
-  transfers.f2 = Const(focals.f2);
+  transfers.f1 = Const(error.f1);
+  transfers.f2 = Const(error.f2);
   return transfers;
 }
 
@@ -251,25 +251,22 @@ HWY_INLINE V SquaredHomographyError(const PointPairs& points, int i, const Trans
 }
 
 template <bool kIsWide>
-HWY_INLINE void HomographyErrorsOf(const PointPairs& points, const Matrix9f& H,
-                                   const Matrix9f& inverse, const SquaredFocals& focals,
+HWY_INLINE void HomographyErrorsOf(const PointPairs& points, const HomographyError& error,
                                    float* errors) {
-  const Transfers transfers = LoadTransfers(H, inverse, focals);
+  const Transfers transfers = LoadTransfers(error);
   for (int i = 0; i < points.num_blocks() * 16; i += kLanes) {
     hn::StoreU(hn::Sqrt(SquaredHomographyError<kIsWide>(points, i, transfers)), kTag, errors + i);
   }
 }
 
-void HomographyErrorsKernel(const PointPairs& points, const Matrix9f& H, const Matrix9f& inverse,
-                            const SquaredFocals& focals, float* errors) {
-  if (points.is_wide()) return HomographyErrorsOf<true>(points, H, inverse, focals, errors);
-  HomographyErrorsOf<false>(points, H, inverse, focals, errors);
+void HomographyErrorsKernel(const PointPairs& points, const HomographyError& error, float* errors) {
+  if (points.is_wide()) return HomographyErrorsOf<true>(points, error, errors);
+  HomographyErrorsOf<false>(points, error, errors);
 }
 
 template <bool kIsWide>
-HWY_INLINE double ScoreHomographyOf(const PointPairs& points, const Matrix9f& H,
-                                    const Matrix9f& inverse, const SquaredFocals& focals) {
-  const Transfers transfers = LoadTransfers(H, inverse, focals);
+HWY_INLINE double ScoreHomographyOf(const PointPairs& points, const HomographyError& error) {
+  const Transfers transfers = LoadTransfers(error);
   const V one = Const(1.0f), zero = Const(0.0f);
   V sums[kParts];
   for (int k = 0; k < kParts; ++k) sums[k] = zero;
@@ -277,18 +274,17 @@ HWY_INLINE double ScoreHomographyOf(const PointPairs& points, const Matrix9f& H,
   for (int i = 0; i < n; i += 16) {
     for (int k = 0; k < kParts; ++k) {
       const int first = i + k * kLanes;
-      const V error = SquaredHomographyError<kIsWide>(points, first, transfers);
-      const V support = hn::Max(one - error, zero);
+      const V support =
+          hn::Max(one - SquaredHomographyError<kIsWide>(points, first, transfers), zero);
       sums[k] = sums[k] + (i + 16 <= n ? support : support * LaneMask(first, n));
     }
   }
   return SumLanes(sums);
 }
 
-double ScoreHomographyKernel(const PointPairs& points, const Matrix9f& H, const Matrix9f& inverse,
-                             const SquaredFocals& focals) {
-  if (points.is_wide()) return ScoreHomographyOf<true>(points, H, inverse, focals);
-  return ScoreHomographyOf<false>(points, H, inverse, focals);
+double ScoreHomographyKernel(const PointPairs& points, const HomographyError& error) {
+  if (points.is_wide()) return ScoreHomographyOf<true>(points, error);
+  return ScoreHomographyOf<false>(points, error);
 }
 
 }  // namespace cairn::HWY_NAMESPACE
@@ -305,16 +301,8 @@ HWY_EXPORT(ScoreHomographyKernel);
 
 namespace {
 
-using internal::Matrix9f;
+using internal::HomographyError;
 using internal::SampsonError;
-using internal::SquaredFocals;
-
-// Focal lengths in units of `unit_px`, squared.
-SquaredFocals FocalsInUnits(const PointPairs& points, double unit_px) {
-  const auto f1 = static_cast<float>(points.focal1_px() / unit_px);
-  const auto f2 = static_cast<float>(points.focal2_px() / unit_px);
-  return {f1 * f1, f2 * f2};
-}
 
 // The sign of H for which most points have positive third coordinate: that of its value at the
 // centroid of the first ones; for wide pairs, that which does not turn most of the first ones away.
@@ -332,6 +320,18 @@ Eigen::Matrix3d WithSignOfPoints(const PointPairs& points, const Eigen::Matrix3d
   }
   const double w = H(2, 0) * sum_x + H(2, 1) * sum_y + H(2, 2) * n;
   return w < 0.0 ? Eigen::Matrix3d(-H) : H;
+}
+
+// nullopt: H has no inverse.
+std::optional<HomographyError> ErrorOf(const PointPairs& points, const Eigen::Matrix3d& H,
+                                       double unit_px) {
+  const Eigen::Matrix3d oriented = WithSignOfPoints(points, H);
+  const Eigen::Matrix3d inverse = oriented.inverse();
+  if (!inverse.allFinite()) return std::nullopt;
+  const auto f1 = static_cast<float>(points.focal1_px() / unit_px);
+  const auto f2 = static_cast<float>(points.focal2_px() / unit_px);
+  return HomographyError{internal::Matrix9f(oriented), internal::Matrix9f(inverse), f1 * f1,
+                         f2 * f2};
 }
 
 }  // namespace
@@ -352,23 +352,17 @@ void SampsonErrors(const PointPairs& points, const Eigen::Matrix3d& E, float* er
 }
 
 void HomographyErrors(const PointPairs& points, const Eigen::Matrix3d& H, float* errors_px) {
-  const Eigen::Matrix3d oriented = WithSignOfPoints(points, H);
-  const Eigen::Matrix3d inverse = oriented.inverse();
-  const int n = points.num_blocks() * PointPairs::kBlock;
-  if (!inverse.allFinite()) {
-    std::fill(errors_px, errors_px + n, std::numeric_limits<float>::infinity());
-    return;
+  if (const auto error = ErrorOf(points, H, 1.0)) {
+    HWY_DYNAMIC_DISPATCH(HomographyErrorsKernel)(points, *error, errors_px);
+  } else {
+    const int n = points.num_blocks() * PointPairs::kBlock;
+    std::fill_n(errors_px, n, std::numeric_limits<float>::infinity());
   }
-  HWY_DYNAMIC_DISPATCH(HomographyErrorsKernel)
-  (points, Matrix9f(oriented), Matrix9f(inverse), FocalsInUnits(points, 1.0), errors_px);
 }
 
 double ScoreHomography(const PointPairs& points, const Eigen::Matrix3d& H, double max_error_px) {
-  const Eigen::Matrix3d oriented = WithSignOfPoints(points, H);
-  const Eigen::Matrix3d inverse = oriented.inverse();
-  if (!inverse.allFinite()) return 0.0;
-  return HWY_DYNAMIC_DISPATCH(ScoreHomographyKernel)(points, Matrix9f(oriented), Matrix9f(inverse),
-                                                     FocalsInUnits(points, max_error_px));
+  const auto error = ErrorOf(points, H, max_error_px);
+  return error ? HWY_DYNAMIC_DISPATCH(ScoreHomographyKernel)(points, *error) : 0.0;
 }
 
 }  // namespace cairn
