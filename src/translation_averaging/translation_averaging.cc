@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "cairn/base/named_value.h"
 #include "cairn/geometry/rigid3d.h"
@@ -13,7 +14,6 @@
 #include "translation_averaging/position_system.h"
 #include "translation_averaging/rigidity.h"
 #include "translation_averaging/start.h"
-#include "translation_averaging/thrown_away.h"
 
 namespace cairn {
 namespace {
@@ -60,6 +60,30 @@ Errors MeasureErrors(const DirectionProblem& problem, const Positions& x) {
     }
   }
   return errors;
+}
+
+// Cameras so far out that they can only have been thrown there: their nearest neighbor is a
+// thousand times as far as neighbors are (the median over the edges). Many cameras in one place,
+// by a tripod, are no reason to leave others out: pairs of theirs have no direction.
+std::vector<int> ThrownAway(const DirectionProblem& problem, const Eigen::Matrix3Xd& centers) {
+  constexpr double kMaxRatio = 1e3;
+  constexpr double kNone = std::numeric_limits<double>::infinity();
+  std::vector<double> lengths;
+  std::vector<double> nearest(problem.NumCameras(), kNone);
+  for (const DirectionProblem::Edge& edge : problem.edges) {
+    const double length = (centers.col(edge.camera2) - centers.col(edge.camera1)).norm();
+    lengths.push_back(length);
+    for (const int camera : {edge.camera1, edge.camera2}) {
+      nearest[camera] = std::min(nearest[camera], length);
+    }
+  }
+  std::vector<int> thrown_away;
+  if (lengths.empty()) return thrown_away;
+  const double most = kMaxRatio * UpperMedian(lengths);
+  for (int camera = 0; camera < problem.NumCameras(); ++camera) {
+    if (nearest[camera] > most && nearest[camera] < kNone) thrown_away.push_back(camera);
+  }
+  return thrown_away;
 }
 
 // Edges count one each, all rays together as point_weight times that.
