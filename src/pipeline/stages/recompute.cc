@@ -11,6 +11,7 @@
 #include "cairn/depth/depth_map.h"
 #include "database/match_origins.h"
 #include "database/stage_names.h"
+#include "pipeline/pairs/plan.h"
 
 namespace cairn {
 namespace {
@@ -34,7 +35,7 @@ void CheckPhotographs(const Database& database, BuildStage stage, const std::str
 }
 
 // Images whose rows the stage wrote.
-std::set<image_t> ImagesOf(const Database& database, const std::string& stage) {
+std::set<image_t> ImagesDoneBy(const std::string& stage, const Database& database) {
   std::set<image_t> images;
   for (const JobRecord& job : database.ReadJobs(stage)) {
     images.insert(static_cast<image_t>(job.item));
@@ -57,13 +58,8 @@ std::vector<image_pair_t> PairsWithRows(const Database& database) {
 
 void CheckDescriptors(const Database& database) {
   const std::map<image_t, int> num_descriptors = database.ReadNumDescriptors();
-  std::set<image_t> images;
-  for (const image_pair_t pair : PairsWithRows(database)) {
-    const auto [id1, id2] = PairIdToImagePair(pair);
-    images.insert({id1, id2});
-  }
-  const std::set<image_t> ours = ImagesOf(database, kStageFeatures);
-  for (const image_t id : images) {
+  const std::set<image_t> ours = ImagesDoneBy(kStageFeatures, database);
+  for (const image_t id : ImagesOf(PairsWithRows(database))) {
     if (!num_descriptors.contains(id)) {
       ThrowLost(id, "matches, but no descriptors; its matches would be lost");
     }
@@ -91,7 +87,7 @@ void CheckMatches(const Database& database) {
 void CheckDepth(const Database& database, const std::string& image_path,
                 const DepthSource& source) {
   const std::map<image_t, int> num_samples = database.ReadNumDepthSamples();
-  const std::set<image_t> ours = ImagesOf(database, kStageDepth);
+  const std::set<image_t> ours = ImagesDoneBy(kStageDepth, database);
   for (const Image& image : database.ReadImages()) {
     const image_t id = image.image_id;
     if (!num_samples.contains(id) || ours.contains(id)) continue;
