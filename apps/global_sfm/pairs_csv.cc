@@ -8,12 +8,10 @@
 #include "cairn/io/csv.h"
 #include "cairn/mapper/view_edges.h"
 #include "cairn/two_view/pair_verifier.h"
+#include "database/stage_names.h"
 
 namespace cairn {
 namespace {
-
-// Key of the times in cairn_timings.
-constexpr const char* kVerificationStage = "verification";
 
 using MetricsOfPairs = std::map<image_pair_t, std::vector<PairMetrics>>;
 
@@ -77,7 +75,7 @@ std::vector<PairRow> ReadPairRows(const Database& database, const std::string& v
     for (const PairMetrics& m : found->second) {
       row.num_iterations += m.num_iterations;
       row.milliseconds +=
-          1e3 * database.ReadTiming(kVerificationStage, pair_id, m.verifier).value_or(0.0);
+          1e3 * database.ReadTiming(kStageVerification, pair_id, m.verifier).value_or(0.0);
       if (verifier.empty() || m.status != PairStatusName(PairStatus::kVerified)) continue;
       row.num_inliers = m.num_inliers;
       if (m.cam2_from_cam1) row.cam2_from_cam1 = *m.cam2_from_cam1;

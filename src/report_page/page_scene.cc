@@ -3,13 +3,12 @@
 
 #include "cairn/base/error.h"
 #include "cairn/base/parallel.h"
+#include "database/stage_names.h"
 #include "report_page/page_parts.h"
 
 namespace cairn {
 namespace {
 
-// Key of the times in cairn_timings.
-constexpr const char* kVerification = "verification";
 constexpr size_t kChunk = 4096;  // pairs whose matches are in memory at once
 
 void ReadImages(PageScene& scene) {
@@ -130,8 +129,8 @@ void ReadPairs(PageScene& scene) {
   for (const PairMetrics& metrics : scene.database.ReadPairMetrics()) {
     PagePair& pair = pairs[metrics.pair_id];
     pair.milliseconds +=
-        1e3 *
-        scene.database.ReadTiming(kVerification, metrics.pair_id, metrics.verifier).value_or(0.0);
+        1e3 * scene.database.ReadTiming(kStageVerification, metrics.pair_id, metrics.verifier)
+                  .value_or(0.0);
     if (!metrics.is_winner && !pair.state.empty()) continue;
     pair.state = "rejected_" + metrics.status;
     pair.verifier = metrics.verifier;
