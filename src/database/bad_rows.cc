@@ -123,7 +123,7 @@ void ReportBadRows(const Database& database, RunReport& report, ProgressMonitor&
   std::vector<std::string> bad = database.FindBadRows();
   if (bad.empty()) return;
   RunStage stage(report, monitor, "database");
-  stage.Add("bad_rows", static_cast<double>(bad.size()));
+  stage.Add("bad_rows", bad.size());
   for (std::string& row : bad) row = database.path() + ": " + row + "; the row is left out";
   stage.WarnEach(bad);
 }

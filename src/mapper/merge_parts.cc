@@ -33,7 +33,7 @@ class PartMerger {
       std::ranges::copy(part.graph.image_ids, std::back_inserter(result_.graph.image_ids));
       std::ranges::move(part.graph.edges, std::back_inserter(result_.graph.edges));
       for (StageReport& stage : part.report.stages) {
-        if (parts.size() > 1) stage.Add("part", static_cast<double>(k + 1));
+        if (parts.size() > 1) stage.Add("part", k + 1);
         if (part.is_side_by_side) stage.Add("side_by_side", 1);
         result_.report.stages.push_back(std::move(stage));
       }

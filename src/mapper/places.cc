@@ -143,11 +143,10 @@ void ReportPlace(const Georegistration& found, Stage& stage) {
     num_checks += point.is_check;
     if (point.is_check) squared_m += point.residual.squaredNorm();
   }
-  stage.Add("positions", static_cast<double>(found.images.size()));
-  stage.Add("control_points", static_cast<double>(found.points.size()));
-  stage.Add("wrong", static_cast<double>(
-                         std::ranges::count_if(found.images, &GeoregisteredImage::is_wrong) +
-                         std::ranges::count_if(found.points, &GeoregisteredPoint::is_wrong)));
+  stage.Add("positions", found.images.size());
+  stage.Add("control_points", found.points.size());
+  stage.Add("wrong", std::ranges::count_if(found.images, &GeoregisteredImage::is_wrong) +
+                         std::ranges::count_if(found.points, &GeoregisteredPoint::is_wrong));
   stage.Add("median_residual_m", found.median_residual_m);
   if (num_checks > 0) stage.Add("check_points_rms_m", std::sqrt(squared_m / num_checks));
   stage.NoteEach(DescribeResiduals(found));
@@ -243,7 +242,7 @@ void PlaceModels(const SceneData& scene, const RunContext& run, ReconstructResul
   for (size_t k = 0; k < result.models.size(); ++k) {
     Reconstruction& model = result.models[k];
     RunStage stage(result.report, run.monitor, "georegistration");
-    stage.Add("model", static_cast<double>(k));
+    stage.Add("model", k);
     Georegistration found = Georegister(model, *scene.places, run);
     for (ResultWarning& warning : WarningsOf(found)) {
       warning.what = "sparse/" + std::to_string(k) + " (" + std::to_string(model.images.size()) +

@@ -128,7 +128,7 @@ void ReadEdges(const Database& database,
   scene.poses_imported = std::ranges::any_of(
       scene.edges, [](const ViewEdge& edge) { return edge.source == EdgeSource::kDataset; });
   if (bad.empty()) return;
-  stage.Add("bad_pairs", static_cast<double>(bad.size()));
+  stage.Add("bad_pairs", bad.size());
   stage.WarnEach(bad);
   stage.RecordWarning(
       ResultWarning{std::to_string(bad.size()) +
@@ -197,7 +197,7 @@ void WarnOfUnfinishedPairs(const Database& database, const SceneData& scene, Sta
            });
   };
   const auto num_pairs = std::ranges::count_if(database.ReadPairsToVerify(), can_be_verified);
-  stage.Add("pairs_to_verify", static_cast<double>(num_pairs));
+  stage.Add("pairs_to_verify", num_pairs);
   if (num_pairs == 0) return;
   const std::string pairs = num_pairs == 1 ? " pair of photos is" : " pairs of photos are";
   stage.RecordWarning(ResultWarning{std::to_string(num_pairs) + pairs + " not verified yet",

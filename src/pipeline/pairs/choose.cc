@@ -330,8 +330,8 @@ StageReport PairChooser::ChooseFirst() {
     WriteStage(IsExhaustive());
     transaction.Commit();
   }
-  stage.Add("images", static_cast<double>(fresh.size()));
-  stage.Add("chosen", static_cast<double>(num_new));
+  stage.Add("images", fresh.size());
+  stage.Add("chosen", num_new);
   return EndStage(stage, database_);
 }
 
