@@ -11,9 +11,8 @@ namespace {
 // Absent unless the numbers can be a place on Earth. COLMAP writes NaN for what it does not know,
 // its script database.py zeros.
 std::optional<GpsPosition> PositionOf(double latitude, double longitude, double altitude) {
-  const bool is_on_earth = std::abs(latitude) <= 90 && std::abs(longitude) <= 180;
-  if (!is_on_earth || (latitude == 0 && longitude == 0)) return std::nullopt;
   GpsPosition position{latitude, longitude};
+  if (!position.IsOnEarth() || (latitude == 0 && longitude == 0)) return std::nullopt;
   if (std::isfinite(altitude)) position.altitude_m = altitude;
   return position;
 }

@@ -200,9 +200,7 @@ std::optional<GpsPosition> Gps(const Exiv2::ExifData& data) {
   if (Text(data, "Exif.GPSInfo.GPSLongitudeRef") == "W") gps.longitude_deg *= -1;
   const bool is_below = Text(data, "Exif.GPSInfo.GPSAltitudeRef") == "1";
   if (gps.altitude_m && is_below) *gps.altitude_m *= -1;
-  const bool is_on_earth = std::abs(gps.latitude_deg) <= 90 && std::abs(gps.longitude_deg) <= 180;
-  if (!is_on_earth) return std::nullopt;
-  return gps;
+  return gps.IsOnEarth() ? std::optional(gps) : std::nullopt;
 }
 
 // Degrees as EXIF has them: degrees, minutes, and hundred-thousandths of seconds.

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cctype>
 #include <charconv>
-#include <cmath>
 #include <optional>
 
 #include "io/text_reader.h"
@@ -94,9 +93,7 @@ std::optional<GcpRow> ParseGcpRow(const std::vector<std::string_view>& fields,
     row.position = GpsFromUtm(projection.utm_zone, projection.is_south, values[0], values[1]);
   }
   row.position.altitude_m = values[2];
-  if (!(std::abs(row.position.latitude_deg) <= 90 && std::abs(row.position.longitude_deg) <= 180)) {
-    return std::nullopt;
-  }
+  if (!row.position.IsOnEarth()) return std::nullopt;
   if (fields.size() > 6) row.name = fields[6];
   if (!row.name.empty()) return row;
   for (int i = 0; i < 3; ++i) row.name += (i > 0 ? " " : "") + std::string(fields[i]);

@@ -1,7 +1,6 @@
 #include "cairn/io/gps_file.h"
 
 #include <algorithm>
-#include <cmath>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -77,10 +76,6 @@ std::optional<GpsRow> ParseRow(const GpsFields& fields) {
   return row.sigma_m >= 0 ? std::optional(row) : std::nullopt;
 }
 
-bool IsOnEarth(const GpsPosition& position) {
-  return std::abs(position.latitude_deg) <= 90 && std::abs(position.longitude_deg) <= 180;
-}
-
 }  // namespace
 
 std::map<std::string, GpsRow> ReadGpsFile(const std::string& path) {
@@ -96,7 +91,7 @@ std::map<std::string, GpsRow> ReadGpsFile(const std::string& path) {
       reader.Fail("'" + std::string(reader.line()) +
                   "' is not name,latitude,longitude[,altitude[,sigma]]");
     }
-    if (!IsOnEarth(row->position)) {
+    if (!row->position.IsOnEarth()) {
       reader.Fail("'" + std::string(reader.line()) +
                   "': its latitude or longitude is out of range");
     }

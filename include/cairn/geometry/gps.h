@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cmath>
 #include <optional>
 
 namespace cairn {
@@ -11,6 +12,8 @@ struct GpsPosition {
   double longitude_deg = 0;  // positive: east
   // Above the ellipsoid, or what the receiver took for it; absent: not known.
   std::optional<double> altitude_m = {};
+
+  bool IsOnEarth() const { return std::abs(latitude_deg) <= 90 && std::abs(longitude_deg) <= 180; }
 };
 
 // Earth-centered, Earth-fixed, meters; on the ellipsoid where the altitude is not known.
