@@ -284,11 +284,6 @@ std::string DescribeParseError(const CLI::App& app, const CLI::ParseError& error
   return "unknown argument " + DescribeUnknownOption(flag, known);
 }
 
-int Fail(const std::string& message, int exit_code) {
-  spdlog::error("{}", message);
-  return exit_code;
-}
-
 }  // namespace
 
 int Program::Run(int argc, char** argv) {
@@ -301,7 +296,8 @@ int Program::Run(int argc, char** argv) {
   } catch (const CLI::Success& request) {  // --help, --version
     return app_.exit(request);
   } catch (const CLI::ParseError& error) {
-    return Fail(DescribeParseError(app_, error), kExitUsage);
+    spdlog::error("{}", DescribeParseError(app_, error));
+    return kExitUsage;
   }
 }
 

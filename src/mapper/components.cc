@@ -153,9 +153,7 @@ void GiveUp(StageContext& context, const ComponentQueue::Component& component, S
 void TakeOutOthers(std::span<const Reconstruction> models, ViewGraph& graph) {
   if (models.empty()) return;
   for (ViewEdge& edge : graph.edges) {
-    const auto has_both = [&](const Reconstruction& model) {
-      return model.images.contains(edge.image_id1) && model.images.contains(edge.image_id2);
-    };
+    const auto has_both = [&](const Reconstruction& model) { return IsWithin(edge, model); };
     if (edge.IsActive() && std::ranges::none_of(models, has_both)) {
       edge.removal = EdgeRemoval::kOtherComponent;
     }

@@ -78,9 +78,7 @@ std::string Names(const SceneData& scene, std::span<const image_t> images) {
 std::map<image_t, int> NumPairsInUse(const ViewGraph& graph, const Reconstruction& model) {
   std::map<image_t, int> num_pairs;
   for (const ViewEdge& edge : graph.edges) {
-    const bool is_within =
-        model.images.contains(edge.image_id1) && model.images.contains(edge.image_id2);
-    if (!edge.IsActive() || !is_within) continue;
+    if (!edge.IsActive() || !IsWithin(edge, model)) continue;
     ++num_pairs[edge.image_id1];
     ++num_pairs[edge.image_id2];
   }

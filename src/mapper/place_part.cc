@@ -227,7 +227,7 @@ std::set<image_t> NeighborsOf(const std::set<image_t>& images, const Reconstruct
   std::set<image_t> neighbors;
   for (const ViewEdge& edge : graph.edges) {
     const bool has_first = images.contains(edge.image_id1);
-    if (!IsWithin(edge, model) || has_first == (images.contains(edge.image_id2))) continue;
+    if (!IsWithin(edge, model) || has_first == images.contains(edge.image_id2)) continue;
     neighbors.insert(has_first ? edge.image_id2 : edge.image_id1);
   }
   return neighbors;

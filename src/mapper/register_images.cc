@@ -21,7 +21,7 @@ std::map<image_t, std::vector<const ViewEdge*>> FindPairsOfOutsiders(const ViewG
   for (const ViewEdge& edge : graph.edges) {
     if (edge.removal == EdgeRemoval::kAmbiguous) continue;  // leads to another place
     const bool has_first = model.images.contains(edge.image_id1);
-    if (has_first == (model.images.contains(edge.image_id2))) continue;
+    if (has_first == model.images.contains(edge.image_id2)) continue;
     pairs[has_first ? edge.image_id2 : edge.image_id1].push_back(&edge);
   }
   return pairs;
