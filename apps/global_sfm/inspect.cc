@@ -40,11 +40,6 @@ struct InspectFlags {
   }
 };
 
-void WritePairs(const Database& database, const InspectFlags& flags) {
-  WriteFileAtomically(flags.pairs_csv,
-                      FormatPairsCsv(ReadPairRows(database, flags.pairs_verifier)));
-}
-
 void InspectDatabase(const InspectFlags& flags, const ViewGraphBuilderOptions& options,
                      ProgressMonitor& monitor) {
   if (!flags.pairs_verifier.empty() && flags.pairs_csv.empty()) {
@@ -53,7 +48,10 @@ void InspectDatabase(const InspectFlags& flags, const ViewGraphBuilderOptions& o
   const Database database(flags.database_path, Database::Mode::kSnapshot);
   RunReport rows;
   ReportBadRows(database, rows, monitor);
-  if (!flags.pairs_csv.empty()) WritePairs(database, flags);
+  if (!flags.pairs_csv.empty()) {
+    WriteFileAtomically(flags.pairs_csv,
+                        FormatPairsCsv(ReadPairRows(database, flags.pairs_verifier)));
+  }
   std::fputs(DescribeDatabase(database).c_str(), stdout);
 
   std::map<image_t, std::string> names;
