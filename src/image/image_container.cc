@@ -147,6 +147,7 @@ std::string UprightTiff(std::string_view bytes) {
     if (value < directory || value + 2 > bytes.size()) return "";
     constexpr uint64_t kOrientation = 274;
     if (TiffNumber(bytes, entry, 2) != kOrientation) continue;
+    if (TiffNumber(bytes, value, 2) == 1) return "";
     std::string upright(bytes);
     upright[value] = bytes.starts_with('M') ? 0 : 1;
     upright[value + 1] = bytes.starts_with('M') ? 1 : 0;

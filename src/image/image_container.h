@@ -24,9 +24,9 @@ ContainerInfo InspectContainer(std::string_view bytes);
 // without the file's name, of color profiles that nobody here applies.
 std::string EssentialPngChunks(std::string_view bytes);
 
-// Of a TIFF file (TIFF 6.0; BigTIFF) whose first image has an orientation: the bytes with the
-// orientation in which pixels are stored, which OpenCV's decoder, else, turns them out of; "" for
-// other files.
+// Of a TIFF file (TIFF 6.0; BigTIFF) whose first image has another orientation than that in which
+// pixels are stored: the bytes with that one, since OpenCV's decoder turns them; "" for other
+// files.
 std::string UprightTiff(std::string_view bytes);
 
 }  // namespace cairn

@@ -20,16 +20,18 @@ std::vector<image_pair_t> SpatialPairs(const std::map<image_t, GpsPosition>& pos
   std::vector<std::vector<image_pair_t>> pairs_of(images.size());
   ParallelFor(num_threads, num, [&](int64_t i) {
     // Of equally near ones, as indoors, those next in the order of ids, which is that of names.
-    std::vector<std::tuple<double, int64_t, image_t>> near;
+    std::vector<std::tuple<double, int64_t, image_t>> here, elsewhere;
     for (int64_t j = 0; j < num; ++j) {
       const double distance = (points[i] - points[j]).norm();
-      if (j != i && distance <= radius_m) near.emplace_back(distance, std::abs(j - i), images[j]);
+      if (j == i || distance > radius_m) continue;
+      (distance > 0 ? elsewhere : here).emplace_back(distance, std::abs(j - i), images[j]);
     }
-    std::sort(near.begin(), near.end());
-    int num_here = 0, num_elsewhere = 0;
-    for (const auto& [distance, steps, image] : near) {
-      if (++(distance > 0 ? num_elsewhere : num_here) > neighbors) continue;
-      pairs_of[i].push_back(ImagePairToPairId(images[i], image));
+    for (auto* near : {&here, &elsewhere}) {
+      const auto kept = std::min(std::ssize(*near), static_cast<int64_t>(neighbors));
+      std::partial_sort(near->begin(), near->begin() + kept, near->end());
+      for (int64_t k = 0; k < kept; ++k) {
+        pairs_of[i].push_back(ImagePairToPairId(images[i], std::get<image_t>((*near)[k])));
+      }
     }
   });
   std::vector<image_pair_t> pairs;
