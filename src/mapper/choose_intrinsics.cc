@@ -19,6 +19,8 @@ constexpr int kMinImages = 8;
 // parameter and principal points in the very center are rare. Photographs in a row may throw both
 // off, which Student's t allows for.
 constexpr double kMinDeviate = 1.645;
+// A smaller gain says nothing.
+constexpr double kChance = 1;
 // Beyond doubt: for lenses of photographs with EXIF, which have COLMAP's model else, for image
 // centers that an earlier model has kept, and for a warning.
 constexpr double kDecisiveDeviate = 3;
@@ -53,17 +55,23 @@ struct FreerModel {
 };
 
 // What bundle adjustment makes of it, unless it is soon seen that the matches do not agree better
-// by more than min_deviate.
-FreerModel Adjusted(StageContext& context, const ViewGraph& graph, const Agreement& before,
-                    const std::set<camera_t>& cameras, double min_deviate, Reconstruction model) {
+// by more than min_deviate than with the plain model, adjusted for as long. The principal points of
+// `centers` are free in it.
+FreerModel Adjusted(StageContext& context, const ViewGraph& graph,
+                    const std::set<camera_t>& cameras, const std::set<camera_t>& centers,
+                    double min_deviate, Reconstruction plain, Reconstruction model) {
   const auto num_images = std::ranges::count_if(model.images, [&](const auto& entry) {
     return cameras.count(entry.second.image.camera_id) > 0;
   });
   FreerModel freer{std::move(model), {}};
   for (const int iterations : {kIterationsToLook, kIterations}) {
+    AdjustModel(context, iterations, plain);
+    const Agreement before = AgreementFor(context, plain, graph);
+    const auto kept = std::exchange(context.free_principal_points, centers);
     AdjustModel(context, iterations, freer.model);
+    context.free_principal_points = kept;
     freer.agreement = AgreementFor(context, freer.model, graph);
-    const bool has_all = freer.model.images.size() == before.sharp_nats_of_images.size();
+    const bool has_all = freer.model.images.size() == plain.images.size();
     freer.deviate = has_all ? NormalDeviate(StandardErrorsOfGain(before, freer.agreement),
                                             static_cast<double>(num_images) - 1)
                             : 0;
@@ -139,10 +147,7 @@ std::optional<FreerModel> FindPrincipalPoints(StageContext& context, const ViewG
                                               const std::set<camera_t>& cameras, double min_deviate,
                                               bool takes, const Reconstruction& model) {
   if (cameras.empty()) return std::nullopt;
-  const Agreement before = AgreementFor(context, model, graph);
-  const auto kept = std::exchange(context.free_principal_points, cameras);
-  FreerModel found = Adjusted(context, graph, before, cameras, min_deviate, model);
-  context.free_principal_points = kept;
+  FreerModel found = Adjusted(context, graph, cameras, cameras, min_deviate, model, model);
   const bool is_found = found.deviate > min_deviate;
   ModelStage stage(context, "principal_points");
   stage.Add("standard_errors_of_gain", found.deviate);
@@ -155,15 +160,17 @@ std::optional<FreerModel> FindPrincipalPoints(StageContext& context, const ViewG
 }
 
 // Moves a principal point from where bundle adjustment finds it to its posterior mean between that
-// and the image center, the mean of its prior. Its standard error is told by the gain, which grows
-// with the square of the way: its relative error is half of that of the gain, and twice the
-// variance of this is taken, since photographs in a row are not independent.
+// and the image center, the mean of its prior. Its standard error is told by the gain, whose square
+// is one standard error's by chance, and which grows with the square of the way: the way's relative
+// error is half of the gain's, and twice the variance of this is taken, since photographs in a row
+// are not independent.
 void TakePosterior(const StageContext& context, const Camera& before, double deviate,
                    Camera& found) {
   const double prior_px = context.settings.focal_calibration.principal_point_sigma *
                           std::max(found.width, found.height);
   const Eigen::Vector2d way = found.PrincipalPoint() - before.PrincipalPoint();
-  const double share = 1 / (1 + way.squaredNorm() / (2 * std::pow(deviate * prior_px, 2)));
+  const double squared_gain = deviate * deviate - kChance * kChance;
+  const double share = 1 / (1 + way.squaredNorm() / (2 * squared_gain * prior_px * prior_px));
   const std::vector<int> indices = found.PrincipalPointIndices();
   for (int i = 0; i < 2; ++i) {
     found.params[indices[i]] = before.PrincipalPoint()[i] + share * way[i];
@@ -187,7 +194,6 @@ std::optional<FreerModel> FindLens(StageContext& context, const BuiltModel& best
   const std::map<camera_t, Camera>& before = best.model->cameras;
   const bool may_be_fisheye =
       std::ranges::any_of(cameras, [&](camera_t id) { return BendsMuch(before.at(id)); });
-  const Agreement agreement = AgreementFor(context, *best.model, best.graph);
   std::optional<FreerModel> chosen;
   double largest_deviate = -std::numeric_limits<double>::infinity();
   for (const CameraModel lens : {CameraModel::kRadial, CameraModel::kRadialFisheye}) {
@@ -197,7 +203,7 @@ std::optional<FreerModel> FindLens(StageContext& context, const BuiltModel& best
       other.cameras.at(id) = WithTwoParameters(before.at(id), lens);
     }
     FreerModel freer =
-        Adjusted(context, best.graph, agreement, cameras, min_deviate, std::move(other));
+        Adjusted(context, best.graph, cameras, {}, min_deviate, *best.model, std::move(other));
     largest_deviate = std::max(largest_deviate, freer.deviate);
     if (freer.deviate <= min_deviate) continue;
     if (chosen && freer.agreement.sharp_nats <= chosen->agreement.sharp_nats) continue;
@@ -249,8 +255,8 @@ bool FreePrincipalPoints(StageContext& context, const ViewGraph& graph, bool is_
                              " cameras stay at the image centers: fewer than " +
                              std::to_string(kMinImages) + " photographs hardly tell them");
   }
-  auto taken =
-      FindPrincipalPoints(context, graph, wanted, is_earlier ? kDecisiveDeviate : 0, true, model);
+  auto taken = FindPrincipalPoints(context, graph, wanted, is_earlier ? kDecisiveDeviate : kChance,
+                                   true, model);
   if (taken) {
     for (const camera_t id : wanted) {
       TakePosterior(context, model.cameras.at(id), taken->deviate, taken->model.cameras.at(id));
