@@ -162,15 +162,14 @@ std::optional<FreerModel> FindPrincipalPoints(StageContext& context, const ViewG
 // Moves a principal point from where bundle adjustment finds it to its posterior mean between that
 // and the image center, the mean of its prior. Its standard error is told by the gain, whose square
 // is one standard error's by chance, and which grows with the square of the way: the way's relative
-// error is half of the gain's, and twice the variance of this is taken, since photographs in a row
-// are not independent.
+// error is half of the gain's.
 void TakePosterior(const StageContext& context, const Camera& before, double deviate,
                    Camera& found) {
   const double prior_px = context.settings.focal_calibration.principal_point_sigma *
                           std::max(found.width, found.height);
   const Eigen::Vector2d way = found.PrincipalPoint() - before.PrincipalPoint();
   const double squared_gain = deviate * deviate - kChance * kChance;
-  const double share = 1 / (1 + way.squaredNorm() / (2 * squared_gain * prior_px * prior_px));
+  const double share = 1 / (1 + way.squaredNorm() / (4 * squared_gain * prior_px * prior_px));
   const std::vector<int> indices = found.PrincipalPointIndices();
   for (int i = 0; i < 2; ++i) {
     found.params[indices[i]] = before.PrincipalPoint()[i] + share * way[i];
