@@ -210,7 +210,6 @@ bool GrowEarlier(StageContext& context, ViewGraph& graph, Reconstruction& model)
 
 BuiltModel BuildModel(StageContext& context, std::span<const image_t> component,
                       const ViewGraph& graph) {
-  context.free_principal_points.clear();
   BuiltModel best =
       BuildBest(context, component, graph, HypothesizeRotations(context, component, graph));
   if (!best.model) return best;
@@ -241,7 +240,6 @@ BuiltModel ContinueModel(StageContext& context, const Reconstruction& earlier,
   if (!FitTracksToMemory(context, model, tracks)) return built;
   const auto confidences = TriangulateModel(context, tracks, model);
   model.cameras.insert(earlier.cameras.begin(), earlier.cameras.end());
-  context.free_principal_points.clear();
   if (!GrowEarlier(context, built.graph, model)) return built;
   if (FreePrincipalPoints(context, built.graph, true, model, built.warnings) &&
       !FitAndRefine(context, TracksOfGraph(context, built.graph).tracks, RefineStart::kRefined,
