@@ -213,8 +213,8 @@ LoopFinder::LoopFinder(int num_nodes, std::span<const GraphEdge> edges)
   }
   for (std::vector<Neighbor>& list : neighbors) {
     std::ranges::stable_sort(list, {}, &Neighbor::node);
-    const auto repeated = std::ranges::unique(list, {}, &Neighbor::node);
-    list.erase(repeated.begin(), repeated.end());
+    const auto is_same = [](const Neighbor& a, const Neighbor& b) { return a.node == b.node; };
+    list.erase(std::unique(list.begin(), list.end(), is_same), list.end());
   }
   neighbors_ = std::make_shared<const Neighbors>(std::move(neighbors));
 }
