@@ -54,28 +54,35 @@ struct FreerModel {
   double deviate = 0;
 };
 
-// What bundle adjustment makes of it, unless it is soon seen that the matches do not agree better
-// by more than min_deviate than with the plain model, adjusted for as long. The principal points of
-// `centers` are free in it.
-FreerModel Adjusted(StageContext& context, const ViewGraph& graph,
-                    const std::set<camera_t>& cameras, const std::set<camera_t>& centers,
-                    double min_deviate, Reconstruction plain, Reconstruction model) {
-  const auto num_images = std::ranges::count_if(model.images, [&](const auto& entry) {
-    return cameras.count(entry.second.image.camera_id) > 0;
+// What becomes freer: the lenses of cameras, or their principal points.
+struct Freedom {
+  const std::set<camera_t>& cameras;
+  bool has_centers;
+  double min_deviate;  // from which on it is worth it
+};
+
+// What bundle adjustment makes of the freer model, unless it is soon seen that the matches do not
+// agree better by more than that with it than with the plain one, adjusted for as long.
+FreerModel Adjusted(StageContext& context, const ViewGraph& graph, const Freedom& freedom,
+                    Reconstruction plain, Reconstruction model) {
+  const size_t num_all = plain.images.size();
+  const auto num_images = std::ranges::count_if(plain.images, [&](const auto& entry) {
+    return freedom.cameras.contains(entry.second.image.camera_id);
   });
   FreerModel freer{std::move(model), {}};
   for (const int iterations : {kIterationsToLook, kIterations}) {
     AdjustModel(context, iterations, plain);
-    const Agreement before = AgreementFor(context, plain, graph);
-    const auto kept = std::exchange(context.free_principal_points, centers);
-    AdjustModel(context, iterations, freer.model);
-    context.free_principal_points = kept;
+    AdjustModel(context, iterations, freer.model,
+                freedom.has_centers ? freedom.cameras : std::set<camera_t>());
     freer.agreement = AgreementFor(context, freer.model, graph);
-    const bool has_all = freer.model.images.size() == plain.images.size();
-    freer.deviate = has_all ? NormalDeviate(StandardErrorsOfGain(before, freer.agreement),
-                                            static_cast<double>(num_images) - 1)
-                            : 0;
-    if (freer.deviate <= min_deviate) break;
+    // Images that one of them loses would count for the other.
+    const bool has_all = plain.images.size() == num_all && freer.model.images.size() == num_all;
+    freer.deviate =
+        has_all ? NormalDeviate(
+                      StandardErrorsOfGain(AgreementFor(context, plain, graph), freer.agreement),
+                      static_cast<double>(num_images) - 1)
+                : 0;
+    if (freer.deviate <= freedom.min_deviate) break;
   }
   return freer;
 }
@@ -147,7 +154,7 @@ std::optional<FreerModel> FindPrincipalPoints(StageContext& context, const ViewG
                                               const std::set<camera_t>& cameras, double min_deviate,
                                               bool takes, const Reconstruction& model) {
   if (cameras.empty()) return std::nullopt;
-  FreerModel found = Adjusted(context, graph, cameras, cameras, min_deviate, model, model);
+  FreerModel found = Adjusted(context, graph, {cameras, true, min_deviate}, model, model);
   const bool is_found = found.deviate > min_deviate;
   ModelStage stage(context, "principal_points");
   stage.Add("standard_errors_of_gain", found.deviate);
@@ -202,7 +209,7 @@ std::optional<FreerModel> FindLens(StageContext& context, const BuiltModel& best
       other.cameras.at(id) = WithTwoParameters(before.at(id), lens);
     }
     FreerModel freer =
-        Adjusted(context, best.graph, cameras, {}, min_deviate, *best.model, std::move(other));
+        Adjusted(context, best.graph, {cameras, false, min_deviate}, *best.model, std::move(other));
     largest_deviate = std::max(largest_deviate, freer.deviate);
     if (freer.deviate <= min_deviate) continue;
     if (chosen && freer.agreement.sharp_nats <= chosen->agreement.sharp_nats) continue;

@@ -17,6 +17,7 @@ struct Round {
   int max_iterations = 0;
   double tolerance = 0;  // relative; not below bundle_adjustment.function_tolerance
   const PlacePriors* places = nullptr;
+  std::set<camera_t> free_principal_points = {};
 };
 
 // Of rounds that only find a start: what comes next changes the cost by more. Chosen with
@@ -41,7 +42,8 @@ void EstimateSigmas(const StageContext& context, Stage& stage, Reconstruction& m
   }
 }
 
-IntrinsicsPrior PriorOf(const StageContext& context, camera_t id, const Camera& camera) {
+IntrinsicsPrior PriorOf(const StageContext& context, const Round& round, camera_t id,
+                        const Camera& camera) {
   const FocalCalibrationOptions& options = context.settings.focal_calibration;
   IntrinsicsPrior prior{camera.params};
   const auto held = context.scene.held_focals.find(id);
@@ -50,7 +52,7 @@ IntrinsicsPrior PriorOf(const StageContext& context, camera_t id, const Camera& 
   } else {
     prior.focal_sigma = camera.has_prior_focal_length ? options.exif_sigma : options.guess_sigma;
   }
-  if (context.free_principal_points.contains(id)) {
+  if (round.free_principal_points.contains(id)) {
     prior.principal_point_sigma_px =
         options.principal_point_sigma * std::max(camera.width, camera.height);
   }
@@ -66,12 +68,12 @@ void Adjust(StageContext& context, const Round& round, Reconstruction& model) {
   BundleAdjustmentScope scope;
   scope.focal_lengths = true;
   scope.distortions = round.distortions;
-  scope.principal_points = !context.free_principal_points.empty();
+  scope.principal_points = !round.free_principal_points.empty();
   scope.fixed_cameras = context.scene.constant_cameras;
   for (const auto& [id, camera] : context.scene.cameras) {
     const auto adjusted = model.cameras.find(id);
     if (adjusted == model.cameras.end()) continue;
-    scope.priors[id] = PriorOf(context, id, ByLens(camera, adjusted->second.model));
+    scope.priors[id] = PriorOf(context, round, id, ByLens(camera, adjusted->second.model));
   }
   if (round.places != nullptr) {
     scope.image_positions = round.places->images;
@@ -207,8 +209,11 @@ std::map<image_t, PoseConfidence> TriangulateModel(StageContext& context,
   return EstimatePoseConfidence(model, context.run);
 }
 
-void AdjustModel(StageContext& context, int max_iterations, Reconstruction& model) {
-  const Round round{.name = "as it is", .max_iterations = max_iterations};
+void AdjustModel(StageContext& context, int max_iterations, Reconstruction& model,
+                 const std::set<camera_t>& free_principal_points) {
+  const Round round{.name = "as it is",
+                    .max_iterations = max_iterations,
+                    .free_principal_points = free_principal_points};
   Adjust(context, round, model);
   FilterRound(context, round, model);
 }

@@ -70,7 +70,6 @@ struct StageContext {
   std::set<image_t> taken{};  // images of the models that are done
   // Images of other places that look like this one, which wait for a model of their own.
   std::set<image_t> reserved{};
-  std::set<camera_t> free_principal_points{};  // bundle adjustment of the model refines them
   double min_angle_deg = TriangulationOptions().min_angle_deg;  // of points, see TrackAngles
   bool has_mostly_parallel_rays = false;
 };

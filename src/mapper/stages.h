@@ -277,8 +277,10 @@ std::map<image_t, PoseConfidence> TriangulateModel(StageContext& context,
                                                    std::span<const Track> tracks,
                                                    Reconstruction& model);
 
-// Bundle adjustment and filter of the points that the model has.
-void AdjustModel(StageContext& context, int max_iterations, Reconstruction& model);
+// Bundle adjustment and filter of the points that the model has. Principal points of these cameras
+// are adjusted, too.
+void AdjustModel(StageContext& context, int max_iterations, Reconstruction& model,
+                 const std::set<camera_t>& free_principal_points = {});
 
 // Bundle adjustment and filter where positions are known, too, in the model's world frame.
 struct PlacePriors {

@@ -154,9 +154,9 @@ Queries AskForLoops(const PairEvidence& evidence, int num_threads) {
   std::vector<Queries::value_type*> each;
   for (auto& query : queries) each.push_back(&query);
   ParallelFor(num_threads, std::ssize(each), [&](int64_t i) {
-    std::vector<image_t> near;
     const auto own = neighbors.find(each[i]->first);
     if (own == neighbors.end()) return;
+    std::vector<image_t> near(own->second.begin(), own->second.end());
     for (const image_t neighbor : own->second) {
       const std::set<image_t>& next = neighbors.at(neighbor);
       near.insert(near.end(), next.begin(), next.end());
