@@ -28,6 +28,8 @@ Bitmap ReadBitmap(const std::string& path, BitmapColor color) {
 }
 
 std::optional<Bitmap> ReadOpacity(const std::string& path) {
+  constexpr size_t kHeadSize = 32;
+  if (!MayHaveOpacity(ReadFile(path, kHeadSize))) return std::nullopt;
   return DecodeOpacity(path, ReadImageFile(path));
 }
 

@@ -31,14 +31,6 @@ bool IsAnimatedWebP(std::string_view bytes) {
          (bytes[20] & 2) != 0;
 }
 
-// Has a PNG or WebP file a channel of opacity? (ISO 15948, 11.2.2, the color type; RFC 9649, 2.7.)
-bool MayHaveOpacity(std::string_view bytes) {
-  if (bytes.size() < 26) return false;
-  if (bytes.starts_with("\x89PNG")) return bytes[25] == 4 || bytes[25] == 6;
-  if (!bytes.starts_with("RIFF") || bytes.substr(8, 4) != "WEBP") return false;
-  return bytes.substr(12, 4) == "VP8L" || (bytes.substr(12, 4) == "VP8X" && (bytes[20] & 16) != 0);
-}
-
 // Is it of a format that is read, by the first bytes by which OpenCV's decoder takes a file? OpenCV
 // has decoders of more formats, which are not for files of strangers (src/UNTRUSTED_DATA.md).
 bool IsOfReadFormat(std::string_view bytes) {
@@ -138,8 +130,14 @@ Bitmap DecodeImage(const std::string& path, std::string_view bytes, BitmapColor 
   return bitmap;
 }
 
+bool MayHaveOpacity(std::string_view bytes) {
+  if (bytes.size() < 26) return false;
+  if (bytes.starts_with("\x89PNG")) return bytes[25] == 4 || bytes[25] == 6;
+  if (!bytes.starts_with("RIFF") || bytes.substr(8, 4) != "WEBP") return false;
+  return bytes.substr(12, 4) == "VP8L" || (bytes.substr(12, 4) == "VP8X" && (bytes[20] & 16) != 0);
+}
+
 std::optional<Bitmap> DecodeOpacity(const std::string& path, std::string_view bytes) {
-  if (!MayHaveOpacity(bytes)) return std::nullopt;
   const cv::Mat image = EightBits(path, DecodeToMat(path, bytes, cv::IMREAD_UNCHANGED));
   if (image.channels() != 4) return std::nullopt;
   Bitmap opacity{image.cols, image.rows, 1, {}};
