@@ -21,8 +21,8 @@ SharedLenses FindSharedLenses(const Database& database) {
         LooksMeasured(camera)) {
       continue;
     }
-    kinds[{camera.model, camera.width, camera.height, camera.has_prior_focal_length,
-           camera.MeanFocal()}]
+    const auto [shorter, longer] = std::minmax(camera.width, camera.height);
+    kinds[{camera.model, shorter, longer, camera.has_prior_focal_length, camera.MeanFocal()}]
         .push_back(camera.camera_id);
   }
   SharedLenses shared;

@@ -7,8 +7,9 @@
 
 namespace cairn {
 
-// Cameras that have one lens: the camera that stands for it. Their models, sizes and focal lengths,
-// as the database has them, are equal. Cameras that the map lacks have a lens each.
+// Cameras that have one lens: the camera that stands for it. Their models, sizes (upright
+// or on their side) and focal lengths, as the database has them, are equal. Cameras that the map
+// lacks have a lens each.
 using SharedLenses = std::map<camera_t, camera_t>;
 
 // Few pairs of one photograph do not tell its lens: where most images have a camera of their own

@@ -202,7 +202,9 @@ PartResult ReconstructBest(std::span<const Reconstruction> earlier,
   scene.origin = "the cameras of the database";
   PartResult result;
   if (earlier.empty()) {
+    const std::set<image_t> turned = TurnAlike(of_one, scene);
     result = SearchCalibration(of_one, settings, run, before, scene);
+    TurnBack(turned, scene, result);
   } else {
     std::erase_if(of_one, [&](const std::set<image_t>& images) {
       return !AgreeWithOneCamera(earlier, images, scene);

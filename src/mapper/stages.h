@@ -126,6 +126,14 @@ void ShareCamera(const std::set<image_t>& images, Camera camera, const RunContex
 // Gives images that share a camera by that a camera each again, as they are stored: equal ones.
 void UnshareCamera(const std::map<image_t, camera_t>& stored, Reconstruction& model);
 
+// turned_images.cc
+// Upright pictures and pictures on their side are of one camera, once turned by a quarter: joins
+// such groups of LikelyOfOneCamera, and turns the pictures of the one with fewer images. Their
+// images.
+std::set<image_t> TurnAlike(std::vector<std::set<image_t>>& groups, SceneData& scene);
+// The same pictures as they are stored, in the models and pairs of the scene.
+void TurnBack(const std::set<image_t>& turned, const SceneData& scene, PartResult& result);
+
 // exif_focals.cc
 // Whether EXIF has the camera's focal length, and bundle adjustment may change it.
 bool RefinesExif(const Camera& camera, const SceneData& scene);

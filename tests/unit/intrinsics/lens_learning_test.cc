@@ -230,6 +230,13 @@ TEST_F(LensLearningTest, LaterCamerasOfTheKindHaveItsLens) {
   EXPECT_EQ(database.ReadCameraLenses().at(203).focal_px, 1050);  // of ten: 201 has none
   EXPECT_FALSE(database.ReadCameraLenses().at(203).is_focal_known);
 
+  another = Camera::FromFocal(205, another.model, another.MeanFocal(), another.height,
+                              another.width);  // turned by a quarter
+  database.WriteCamera(another);
+  database.WriteImage({205, "turned.jpg", 205});
+  AdoptLenses(database);
+  EXPECT_EQ(database.ReadCameraLenses().at(205).k, later.k);
+
   another.camera_id = 204;
   another.params.back() = -0.3;  // measured
   database.WriteCamera(another);

@@ -37,6 +37,56 @@ TEST(SharedCamera, IsFoundThoughEachImageHasItsOwn) {
             12u);
 }
 
+// Pictures on their side are turned upright to be of one camera, and lie on their side in the
+// model.
+TEST(SharedCamera, TookUprightPicturesAndThoseOnTheirSide) {
+  SyntheticScene scene = SceneOfOneCamera();
+  const Eigen::Matrix3d turn = Eigen::AngleAxisd(M_PI_2, Eigen::Vector3d::UnitZ()).matrix();
+  Camera upright = scene.cameras.at(1);
+  upright.camera_id = 2;
+  std::swap(upright.width, upright.height);
+  upright.params[1] = upright.width / 2.0;
+  upright.params[2] = upright.height / 2.0;
+  scene.cameras[2] = scene.truth.cameras[2] = upright;
+  const std::set<image_t> turned = {1, 4, 5, 8, 11};
+  for (const image_t id : turned) {
+    scene.images[id - 1].camera_id = scene.truth.images.at(id).image.camera_id = 2;
+    Rigid3d& pose = scene.truth.images.at(id).cam_from_world;
+    pose = Rigid3d(turn, Eigen::Vector3d::Zero()) * pose;
+    for (Keypoint& keypoint : scene.keypoints.at(id)) {
+      keypoint = Keypoint{static_cast<float>(upright.width) - keypoint.y, keypoint.x};
+    }
+  }
+  const ReconstructResult result = Reconstruct(WithACameraEach(scene, 1.4));
+  ASSERT_EQ(result.models.size(), 1u);
+  const Reconstruction& model = result.models.front();
+  EXPECT_EQ(model.images.size(), 12u);
+  EXPECT_THAT(FindStage(result.report, "calibration_choice")->messages,
+              Contains("the models are those with one camera for 12 images"));
+  for (const auto& [id, image] : model.images) {
+    const Camera& camera = model.CameraOf(image);
+    const Camera& truth = scene.cameras.at(turned.contains(id) ? 2 : 1);
+    EXPECT_EQ(image.image.camera_id, 100 + id);
+    EXPECT_EQ(camera.width, truth.width);
+    EXPECT_EQ(camera.height, truth.height);
+    EXPECT_EQ(camera.PrincipalPoint(), truth.PrincipalPoint());
+    EXPECT_EQ(camera.MeanFocal(), model.cameras.at(101).MeanFocal());
+    EXPECT_NEAR(camera.MeanFocal() / truth.MeanFocal(), 1.0, 0.01);
+    for (size_t i = 0; i < image.points2D.size(); ++i) {
+      EXPECT_EQ(image.points2D[i], scene.keypoints.at(id)[i].Position());
+    }
+  }
+  for (const ViewEdge& edge : result.graph.edges) {
+    const auto error = [&](const Reconstruction& poses) {
+      const Rigid3d& pose1 = poses.images.at(edge.image_id1).cam_from_world;
+      const Rigid3d& pose2 = poses.images.at(edge.image_id2).cam_from_world;
+      return (pose2 * Inverse(pose1)).rotation.angularDistance(edge.cam2_from_cam1.rotation);
+    };
+    EXPECT_LT(error(model), 0.2) << edge.image_id1 << " " << edge.image_id2;
+    EXPECT_LT(error(scene.truth), 0.2) << edge.image_id1 << " " << edge.image_id2;
+  }
+}
+
 // With EXIF the cameras of the database are tried first; what the models found is shared.
 TEST(SharedCamera, OfOnePriorFocalLengthIsFound) {
   const SyntheticScene scene = SceneOfOneCamera();
