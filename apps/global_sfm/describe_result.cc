@@ -52,7 +52,8 @@ std::string ConfidenceText(const ReconstructResult& result) {
     text = fmt::format("{}{:.0f} % of verified matches agree with the poses; ",
                        *least < *most ? "at least " : "", 100 * *least);
   }
-  return text + fmt::format("directions known to {:.2g} degrees (median)", UpperMedian(sigmas_deg));
+  return text + fmt::format("keypoint noise alone turns a photo by {:.2g} degrees (median)",
+                            UpperMedian(sigmas_deg));
 }
 
 std::string PointsText(const ReconstructResult& result) {
