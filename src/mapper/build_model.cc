@@ -40,16 +40,26 @@ void RenumberPoints(int num_threads, Reconstruction& model) {
 }
 
 // Warns of places shown on top of each other, and finds the edges that did it.
-std::vector<size_t> FindDuplicates(StageContext& context, const Reconstruction& model,
-                                   const ViewGraph& graph, const std::string& consequence) {
+std::vector<size_t> FindDuplicates(StageContext& context, const ViewGraph& graph,
+                                   const std::string& consequence, const Reconstruction& model,
+                                   std::vector<ResultWarning>& warnings) {
   ModelStage stage(context, "duplicate_structure");
-  const std::vector<size_t> edges = EdgesBetweenDuplicates(model, graph, context.run);
-  stage.Add("edges_removed", edges.size());
-  if (!edges.empty()) {
+  const DuplicateStructure found = FindDuplicateStructure(model, graph, context.run);
+  stage.Add("edges_removed", found.edges.size());
+  stage.Add("edges_conflicting", found.num_conflicting);
+  if (!found.edges.empty()) {
     stage.Warn("duplicate structure: the model puts similar places on top of each other; " +
-               std::to_string(edges.size()) + " pairs between them " + consequence);
+               std::to_string(found.edges.size()) + " pairs between them " + consequence);
+  } else if (found.IsDoubtful()) {
+    warnings.push_back({"it may put similar places on top of each other: in " +
+                            std::to_string(found.num_conflicting) + " of " +
+                            std::to_string(found.num_told) +
+                            " pairs, each photo shows things where the other shows others; they "
+                            "are of " +
+                            Names(context.scene, found.images),
+                        "give the photos of each place to a run of their own"});
   }
-  return edges;
+  return found.edges;
 }
 
 // False: the model is not fit to be written, and the report has the failure.
@@ -218,8 +228,9 @@ BuiltModel BuildModel(StageContext& context, std::span<const image_t> component,
     return best;
   }
   if (context.settings.reconstruct.separate_duplicates && !context.scene.poses_alone) {
-    best.duplicate_edges = FindDuplicates(context, *best.model, best.graph,
-                                          "are removed and their images reconstructed again");
+    best.duplicate_edges =
+        FindDuplicates(context, best.graph, "are removed and their images reconstructed again",
+                       *best.model, best.warnings);
     if (!best.duplicate_edges.empty()) {
       best.model.reset();
       return best;
@@ -253,7 +264,8 @@ BuiltModel ContinueModel(StageContext& context, const Reconstruction& earlier,
     return built;
   }
   if (context.settings.reconstruct.separate_duplicates &&
-      !FindDuplicates(context, model, built.graph, "stay, since an earlier model has them")
+      !FindDuplicates(context, built.graph, "stay, since an earlier model has them", model,
+                      built.warnings)
            .empty()) {
     built.warnings.push_back({"it puts similar places on top of each other",
                               "reconstruct without --input_path to separate them"});

@@ -393,16 +393,23 @@ void KeepProven(const std::vector<Pair>& pairs, int num_images, Groups& groups) 
 
 }  // namespace
 
-std::vector<size_t> EdgesBetweenDuplicates(const Reconstruction& model, const ViewGraph& graph,
-                                           const RunContext& run) {
+DuplicateStructure FindDuplicateStructure(const Reconstruction& model, const ViewGraph& graph,
+                                          const RunContext& run) {
   const std::vector<Pair> pairs = ComparePairs(model, graph, run.num_threads);
   Groups groups(static_cast<int>(model.images.size()), pairs);
   KeepProven(pairs, static_cast<int>(model.images.size()), groups);
-  std::vector<size_t> between;
+  DuplicateStructure found;
+  std::set<image_t> conflicting;
   for (const Pair& pair : pairs) {
-    if (groups.Of(pair.image1) != groups.Of(pair.image2)) between.push_back(pair.edge);
+    const ViewEdge& edge = graph.edges[pair.edge];
+    if (groups.Of(pair.image1) != groups.Of(pair.image2)) found.edges.push_back(pair.edge);
+    found.num_told += pair.CanTell();
+    if (pair.Vote() >= 0) continue;
+    ++found.num_conflicting;
+    conflicting.insert({edge.image_id1, edge.image_id2});
   }
-  return between;
+  found.images.assign(conflicting.begin(), conflicting.end());
+  return found;
 }
 
 }  // namespace cairn

@@ -14,8 +14,18 @@ namespace cairn {
 // part is matched within the groups and, although images of both show it, never across (missing
 // correspondences; Zach, Irschara, Bischof, "What can missing correspondences tell us about 3D
 // structure and motion?", 2008; Heinly, Dunn, Frahm, "Correcting for duplicate scene structure in
-// sparse 3D reconstruction", 2014). Indices in graph.edges, ascending; empty: one place.
-std::vector<size_t> EdgesBetweenDuplicates(const Reconstruction& model, const ViewGraph& graph,
-                                           const RunContext& run = {});
+// sparse 3D reconstruction", 2014).
+struct DuplicateStructure {
+  std::vector<size_t>
+      edges;         // between the groups: indices in graph.edges, ascending; empty: one place
+  int num_told = 0;  // active edges whose images show enough in common to tell
+  int num_conflicting = 0;        // of these, that see two places
+  std::vector<image_t> images{};  // of the conflicting ones
+
+  // Groups may not be told where few edges tell. Of right models, at most 3 in 100 conflict.
+  bool IsDoubtful() const { return num_conflicting >= 5 && 10 * num_conflicting > num_told; }
+};
+DuplicateStructure FindDuplicateStructure(const Reconstruction& model, const ViewGraph& graph,
+                                          const RunContext& run = {});
 
 }  // namespace cairn
