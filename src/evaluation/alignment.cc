@@ -128,7 +128,8 @@ std::optional<Sim3d> AlignSimilarityRobust(const Points& src, const Points& dst,
   CAIRN_CHECK_EQ(src.size(), dst.size());
   if (src.size() < 3) return std::nullopt;
   std::optional<Sim3d> best = LeastMedianOfTriples(src, dst, seed);
-  if (!best) return std::nullopt;
+  // (Without one of three, the other two leave the rotation about their line open.)
+  if (!best || src.size() == 3) return best;
   for (int iteration = 0; iteration < kNumReweightings; ++iteration) {
     const std::vector<double> residuals = Residuals(*best, src, dst);
     const double median = Median(residuals);

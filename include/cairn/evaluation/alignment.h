@@ -22,8 +22,8 @@ std::vector<std::array<uint32_t, 3>> SampleTriples(uint32_t n, uint64_t seed);
 
 // AlignSimilarity with up to half of the points far off: least median of residuals over triples of
 // points (all of them, or 3000 drawn from `seed` where there are more), then 20 rounds of L1
-// (reweighted) over the residuals under three medians. nullopt with fewer than three points or
-// where no triple fixes a similarity.
+// (reweighted) over the residuals under three medians; of three points, least squares. nullopt with
+// fewer than three points or where no triple fixes a similarity.
 std::optional<Sim3d> AlignSimilarityRobust(const std::vector<Eigen::Vector3d>& src,
                                            const std::vector<Eigen::Vector3d>& dst,
                                            uint64_t seed = 0);

@@ -192,6 +192,17 @@ TEST_F(GeoregisterTest, WithTwoAltitudesThreePositionsAreEnough) {
   EXPECT_EQ(Georegister(model_, {rows_}).images.size(), 3u);
 }
 
+TEST_F(GeoregisterTest, ThreePositionsAreEnough) {
+  const std::map<std::string, GpsRow> all = rows_;
+  for (auto first = all.begin(); std::distance(first, all.end()) >= 3; ++first) {
+    rows_ = {first, std::next(first, 3)};
+    const Georegistration found = Georegister(model_, {rows_});
+    EXPECT_EQ(found.status, GeoregistrationStatus::kOk);
+    EXPECT_TRUE(WrongOf(found).empty());
+    EXPECT_LT(LargestError(found), 1e-3);
+  }
+}
+
 // A boat: what is above the sea is not all that there is.
 TEST_F(GeoregisterTest, AltitudesOfZeroAreUsed) {
   for (auto& [id, enu] : enu_) {
