@@ -38,15 +38,12 @@ Camera AtResolutionOf(const Camera& source, const Camera& target) {
   return ResizedPinhole(target, enlarge(target.width, factor), enlarge(target.height, factor));
 }
 
-// Where the source shows the ray of a target pixel, counted as OpenCV does (the center of the
-// top-left pixel is 0); nullopt beyond the border, and where distortion folds the image over.
+// ShownPixel of a target pixel, counted as OpenCV does (the center of the top-left pixel is 0);
+// nullopt beyond the border.
 std::optional<cv::Vec2f> SourcePosition(const Camera& source, const Camera& target, int x, int y,
                                         Resampling resampling) {
-  const auto uv = target.CamFromImg({x + 0.5, y + 0.5});
-  if (!uv) return std::nullopt;
-  Eigen::Matrix<double, 2, 3> J;
-  const auto pixel = source.ImgFromRay(uv->homogeneous(), &J);
-  if (!pixel || !(J.leftCols<2>().determinant() > 0)) return std::nullopt;
+  const auto pixel = ShownPixel({x + 0.5, y + 0.5}, source, target);
+  if (!pixel) return std::nullopt;
   const bool is_inside = pixel->x() >= 0 && pixel->x() <= source.width && pixel->y() >= 0 &&
                          pixel->y() <= source.height;
   if (!is_inside && resampling == Resampling::kLinear) return std::nullopt;
@@ -147,6 +144,16 @@ std::optional<Eigen::Vector2d> ResamplePixel(const Eigen::Vector2d& pixel, const
   const auto ray = source.RayFromImg(pixel);
   if (!ray) return std::nullopt;
   return target.ImgFromRay(*ray);
+}
+
+std::optional<Eigen::Vector2d> ShownPixel(const Eigen::Vector2d& pixel, const Camera& source,
+                                          const Camera& target) {
+  const auto uv = target.CamFromImg(pixel);
+  if (!uv) return std::nullopt;
+  Eigen::Matrix<double, 2, 3> J;
+  const auto shown = source.ImgFromRay(uv->homogeneous(), &J);
+  if (!shown || !(J.leftCols<2>().determinant() > 0)) return std::nullopt;
+  return shown;
 }
 
 }  // namespace cairn

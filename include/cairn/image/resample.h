@@ -40,4 +40,9 @@ Bitmap ReducedBitmap(const Bitmap& bitmap, int width, int height);
 std::optional<Eigen::Vector2d> ResamplePixel(const Eigen::Vector2d& pixel, const Camera& source,
                                              const Camera& target);
 
+// Where the source shows a pixel of the target, as ResampleBitmap takes it; nullopt where it shows
+// none, and where distortion folds the image over.
+std::optional<Eigen::Vector2d> ShownPixel(const Eigen::Vector2d& pixel, const Camera& source,
+                                          const Camera& target);
+
 }  // namespace cairn

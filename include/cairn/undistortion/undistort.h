@@ -37,8 +37,9 @@ struct UndistortOptions {
 // The PINHOLE camera that undistorted images of a camera have: its focal lengths (fisheye models:
 // as many pixels a radian at the center), its principal point at the same part of the image (or at
 // the center), and a size such that the photograph's border is met as `blank_pixels` wants it.
-// Parts of the border that no pinhole image shows (90 degrees and more off axis) are infinitely
-// far; max_scale decides then. Throws ConfigError for a panorama, which no pinhole image holds.
+// Parts of the border that no pinhole image shows (90 degrees and more off axis, or where
+// distortion folds the image over) are infinitely far; max_scale decides then, and what the rest
+// fills. Throws ConfigError for a panorama, which no pinhole image holds.
 Camera UndistortedCamera(const Camera& camera, const UndistortOptions& options);
 
 // The model as undistorted images of the given names see it: PINHOLE cameras with the ids they had,

@@ -64,6 +64,20 @@ TEST(UndistortedCamera, CropsToWhatThePhotographFills) {
   }
 }
 
+// Where distortion folds within the photograph, its sides or its corners have no undistorted pixel.
+TEST(UndistortedCamera, CropsToWhatIsNotFoldedOver) {
+  for (const double k : {-0.22, -0.3, -0.45}) {
+    const Camera camera = MakeCamera(CameraModel::kSimpleRadial, {350, 320, 240, k});
+    const double fold = 350 / std::sqrt(-3 * k);  // px from the center
+    for (const bool center : {false, true}) {
+      const Camera pinhole = UndistortedCamera(camera, {.center_principal_point = center});
+      const double corner = 0.5 * std::hypot(pinhole.width, pinhole.height);
+      EXPECT_LT(corner, fold + 1);
+      EXPECT_GT(corner, fold - 3);
+    }
+  }
+}
+
 TEST(UndistortedCamera, KeepsTheWholePhotograph) {
   for (const Camera& camera : {kBarrel, kPincushion}) {
     const Camera pinhole = UndistortedCamera(camera, {.blank_pixels = 1});
