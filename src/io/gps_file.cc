@@ -13,50 +13,73 @@ namespace {
 
 // A line's name, and the texts of its numbers.
 struct GpsFields {
-  std::string_view name;
-  std::vector<std::string_view> numbers;
+  std::string name;
+  std::vector<std::string> numbers;
 };
 
+// Fields between commas, without the quotes that spreadsheets put them in (RFC 4180).
+std::vector<std::string> CsvFields(std::string_view line) {
+  std::vector<std::string> fields(1);
+  bool is_quoted = false;
+  for (size_t i = 0; i < line.size(); ++i) {
+    std::string& field = fields.back();
+    if (line[i] == ',' && !is_quoted) {
+      fields.emplace_back();
+    } else if (line[i] != '"' || !(is_quoted || Trimmed(field).empty())) {
+      field += line[i];
+    } else if (is_quoted && line.substr(i + 1).starts_with('"')) {
+      field += line[i++];
+    } else {
+      is_quoted = !is_quoted;
+    }
+  }
+  for (std::string& field : fields) field = std::string(Trimmed(field));
+  return fields;
+}
+
+// Cells at the end may be empty.
 GpsFields SplitAtCommas(std::string_view line) {
-  std::vector<std::string_view> numbers = Split(line, ',');
-  const std::string_view name = Trimmed(numbers.front());
+  std::vector<std::string> numbers = CsvFields(line);
+  std::string name = std::move(numbers.front());
   numbers.erase(numbers.begin());
-  for (std::string_view& number : numbers) number = Trimmed(number);
-  return {name, std::move(numbers)};
+  while (!numbers.empty() && numbers.back().empty()) numbers.pop_back();
+  return {std::move(name), std::move(numbers)};
 }
 
 GpsFields SplitAtBlanks(std::string_view line) {
-  GpsFields fields;
-  fields.name = Trimmed(line);
-  while (fields.numbers.size() < 4) {
-    const size_t blank = fields.name.find_last_of(" \t");
+  std::string_view name = Trimmed(line);
+  std::vector<std::string> numbers;
+  while (numbers.size() < 4) {
+    const size_t blank = name.find_last_of(" \t");
     if (blank == std::string_view::npos) break;
-    const std::string_view word = fields.name.substr(blank + 1);
+    const std::string_view word = name.substr(blank + 1);
     if (!TextReader::ToDouble(word)) break;
-    fields.numbers.insert(fields.numbers.begin(), word);
-    fields.name = Trimmed(fields.name.substr(0, blank));
+    numbers.insert(numbers.begin(), std::string(word));
+    name = Trimmed(name.substr(0, blank));
   }
-  return fields;
+  return {std::string(name), std::move(numbers)};
 }
 
 // "name,latitude,longitude": what a spreadsheet has above its rows. Throws IoError where it names
 // another order.
 bool IsHeader(TextReader& reader) {
   const bool has_commas = reader.line().find(',') != std::string_view::npos;
-  std::vector<std::string_view> words =
-      has_commas ? Split(reader.line(), ',') : reader.RemainingWords();
-  std::erase_if(words, [](std::string_view word) { return Trimmed(word).empty(); });
+  std::vector<std::string> words;
+  if (has_commas) {
+    words = CsvFields(reader.line());
+  } else {
+    for (const std::string_view word : reader.RemainingWords()) words.emplace_back(word);
+  }
+  std::erase(words, "");
   const bool is_header =
       words.size() > 2 && std::none_of(words.begin() + 1, words.end(), [](std::string_view word) {
-        return TextReader::ToDouble(Trimmed(word)).has_value();
+        return TextReader::ToDouble(word).has_value();
       });
   if (!is_header) return false;
-  const auto begins = [&](std::string_view word, std::string_view name) {
-    word = Trimmed(word);
-    if (word.starts_with('"')) word.remove_prefix(1);
-    return Lowercase(std::string(word)).starts_with(name);
+  const auto begins = [&](const std::string& word, std::string_view name) {
+    return Lowercase(word).starts_with(name);
   };
-  const auto names_axis = [&](std::string_view word) {
+  const auto names_axis = [&](const std::string& word) {
     return begins(word, "lat") || begins(word, "lon");
   };
   if (std::ranges::any_of(words, names_axis) &&
@@ -68,7 +91,8 @@ bool IsHeader(TextReader& reader) {
 
 std::optional<GpsRow> ParseRow(const GpsFields& fields) {
   if (fields.numbers.size() < 2 || fields.numbers.size() > 4) return std::nullopt;
-  const auto values = TextReader::ToDoubles(fields.numbers);
+  const std::vector<std::string_view> words(fields.numbers.begin(), fields.numbers.end());
+  const auto values = TextReader::ToDoubles(words);
   if (!values) return std::nullopt;
   GpsRow row{{values->at(0), values->at(1)}};
   if (values->size() > 2) row.position.altitude_m = values->at(2);
@@ -95,8 +119,8 @@ std::map<std::string, GpsRow> ReadGpsFile(const std::string& path) {
       reader.Fail("'" + std::string(reader.line()) +
                   "': its latitude or longitude is out of range");
     }
-    if (!rows.try_emplace(std::string(fields.name), *row).second) {
-      reader.Fail("'" + std::string(fields.name) + "' has a position already");
+    if (!rows.try_emplace(fields.name, *row).second) {
+      reader.Fail("'" + fields.name + "' has a position already");
     }
   }
   return rows;

@@ -40,6 +40,19 @@ TEST_F(GpsFileTest, CommasAndBlanksSeparate) {
   EXPECT_THAT(values("sea.jpg"), ElementsAre(1, 2, 0, 0));
 }
 
+// As spreadsheets write them: in quotes, with cells that are empty.
+TEST_F(GpsFileTest, QuotesAreNoPartOfNamesAndNumbers) {
+  const auto rows = Read(
+      "\"a, 1.jpg\",\"45.5\",\"7\",\"300\"\n\"5\"\" b.jpg\", 46,7,,\n"
+      "6\" c.jpg,47,7,\n");
+  ASSERT_EQ(rows.size(), 3u);
+  EXPECT_EQ(rows.at("a, 1.jpg").position.altitude_m, 300);
+  EXPECT_EQ(rows.at("5\" b.jpg").position.latitude_deg, 46);
+  EXPECT_FALSE(rows.at("5\" b.jpg").position.altitude_m);
+  EXPECT_EQ(rows.at("6\" c.jpg").position.latitude_deg, 47);
+  EXPECT_EQ(Read("\"name\",\"lat\",\"lon\"\n\"a.jpg\",\"1\",\"2\"\n").size(), 1u);
+}
+
 TEST_F(GpsFileTest, RowsThatAreNoneAreNamed) {
   EXPECT_THAT(Message("a.jpg,45,7,300\nb.jpg,45\n"),
               HasSubstr("gps.txt:2: 'b.jpg,45' is not name,latitude"));
