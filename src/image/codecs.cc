@@ -149,9 +149,12 @@ std::optional<Bitmap> DecodeOpacity(const std::string& path, std::string_view by
 }
 
 std::vector<uint8_t> EncodeImage(const std::string& path, const std::string& extension,
-                                 const Bitmap& bitmap, int jpeg_quality) {
+                                 const Bitmap& bitmap, int jpeg_quality, const Bitmap* opacity) {
   cv::Mat image(bitmap.height, bitmap.width, CV_8UC(bitmap.channels));
   SwapRedBlue(View(bitmap), image);
+  if (opacity != nullptr && (extension == ".png" || extension == ".webp")) {
+    cv::merge(std::vector<cv::Mat>{image, View(*opacity)}, image);
+  }
   const bool is_gray_format = extension == ".pgm";
   if (is_gray_format && bitmap.channels == 3) cv::cvtColor(image, image, cv::COLOR_BGR2GRAY);
   std::vector<uint8_t> bytes;

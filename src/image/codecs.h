@@ -19,8 +19,9 @@ Bitmap DecodeImage(const std::string& path, std::string_view bytes, BitmapColor 
 bool MayHaveOpacity(std::string_view bytes);
 // As ReadOpacity.
 std::optional<Bitmap> DecodeOpacity(const std::string& path, std::string_view bytes);
-// extension: ".png", ... in lower case.
+// extension: ".png", ... in lower case. opacity: of an RGB bitmap, for formats that have it.
 std::vector<uint8_t> EncodeImage(const std::string& path, const std::string& extension,
-                                 const Bitmap& bitmap, int jpeg_quality);
+                                 const Bitmap& bitmap, int jpeg_quality,
+                                 const Bitmap* opacity = nullptr);
 
 }  // namespace cairn

@@ -22,7 +22,7 @@ namespace fs = std::filesystem;
 
 constexpr char kWriter[] = "undistort";
 // Changes with every change of what an image's pixels are.
-constexpr int kPixelsVersion = 1;
+constexpr int kPixelsVersion = 2;
 constexpr int kJpegQuality = 95;
 // All that a run writes but images. What dense stereo writes into stereo/ later is its own.
 const std::vector<std::string> kResultNames = {"sparse", "stereo/patch-match.cfg",
@@ -52,8 +52,9 @@ std::string HashInputs(const Item& item) {
   return HashToHex(hasher.Digest());
 }
 
-// The bytes of the undistorted image's file.
-std::string Undistort(const Item& item) {
+// The bytes of the undistorted image's file. Opacity, where the photograph has it, is for trainers
+// of Gaussian splatting, which leave out what is transparent.
+std::string Undistort(const Item& item, DenseLayout layout) {
   const Bitmap photo = ReadBitmap(item.photo_path, BitmapColor::kRgb);
   const Camera& camera = *item.source;
   const ImageSize size{photo.width, photo.height}, camera_size{camera.width, camera.height};
@@ -65,9 +66,12 @@ std::string Undistort(const Item& item) {
     throw IoError(item.photo_path,
                   "has more than " + std::to_string(kMaxResampledSide) + " pixels on a side");
   }
-  const std::vector<uint8_t> bytes =
-      EncodeImage(item.photo_path, LowerCaseExtension(item.name),
-                  ResampleBitmap(photo, camera, *item.target), kJpegQuality);
+  std::optional<Bitmap> opacity;
+  if (layout == DenseLayout::kGaussianSplatting) opacity = ReadOpacity(item.photo_path);
+  if (opacity) opacity = ResampleBitmap(*opacity, camera, *item.target);
+  const std::vector<uint8_t> bytes = EncodeImage(item.photo_path, LowerCaseExtension(item.name),
+                                                 ResampleBitmap(photo, camera, *item.target),
+                                                 kJpegQuality, opacity ? &*opacity : nullptr);
   return {bytes.begin(), bytes.end()};
 }
 
@@ -129,7 +133,7 @@ void DenseFolder::Write(Item& item) {
   item.entry = {HashInputs(item), item.present_hash};
   item.is_kept = !item.present_hash.empty() && ledger_.Has(item.file_name, item.entry);
   if (item.is_kept) return;
-  const std::string bytes = Undistort(item);
+  const std::string bytes = Undistort(item, job_.layout);
   item.entry.file_hash = HashToHex(Hasher().AddBytes(bytes.data(), bytes.size()).Digest());
   std::call_once(model_is_removed_, [this] { RemoveModel(); });
   CreateFolders(fs::path(item.file_path).parent_path().string());

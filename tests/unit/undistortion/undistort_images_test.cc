@@ -7,6 +7,7 @@
 #include "cairn/image/resample.h"
 #include "cairn/io/colmap_model.h"
 #include "cairn/undistortion/undistort.h"
+#include "image/codecs.h"
 #include "support/check_consistency.h"
 #include "support/synthetic_reconstruction.h"
 #include "support/temp_folder.h"
@@ -93,6 +94,26 @@ TEST_F(UndistortImagesTest, WritesImagesModelAndStereoConfiguration) {
                   .starts_with("image1.png\n__auto__, 20\nimage2.png\n"));
   EXPECT_TRUE(fs::is_directory(Dense("stereo/depth_maps/more")));
   EXPECT_EQ(ReadFile(Dense("effective.toml")), "# options\n");
+}
+
+// Trainers of Gaussian splatting leave out what is transparent; dense stereo has no use for it.
+TEST_F(UndistortImagesTest, KeepsOpacityForGaussianSplatting) {
+  const std::string photo_path = job_.image_path + "/image1.png";
+  const Bitmap photo = ReadBitmap(photo_path, BitmapColor::kRgb);
+  const Bitmap opacity = ReadBitmap(photo_path, BitmapColor::kGray);
+  const std::vector<uint8_t> bytes = EncodeImage(photo_path, ".png", photo, 95, &opacity);
+  WriteFileAtomically(photo_path, std::string(bytes.begin(), bytes.end()));
+  Run();
+  EXPECT_FALSE(ReadOpacity(Dense("images/image1.png")));
+  job_.layout = DenseLayout::kGaussianSplatting;
+  job_.output_path = folder_ / "splats";
+  Run();
+  const Reconstruction model = ReadColmapModel(job_.output_path + "/sparse/0");
+  const auto written = ReadOpacity(job_.output_path + "/images/image1.png");
+  ASSERT_TRUE(written);
+  EXPECT_EQ(written->data,
+            ResampleBitmap(opacity, model_.cameras.at(1), model.CameraOf(model.images.at(1))).data);
+  EXPECT_FALSE(ReadOpacity(job_.output_path + "/images/image2.png"));
 }
 
 // As the loader of "3D Gaussian Splatting for Real-Time Radiance Field Rendering" has it: pinhole
