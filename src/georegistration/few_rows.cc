@@ -17,13 +17,6 @@ constexpr double kChance = 0.01;
 constexpr double kFarOutSigmas = 30;
 constexpr int kSimilarity = 7;  // its degrees of freedom
 
-// How likely a variable of the F distribution is above f.
-double TailOfF(double f, double freedom1, double freedom2) {
-  using Value = Eigen::Array<double, 1, 1>;
-  const Value a(freedom2 / 2), b(freedom1 / 2), x(freedom2 / (freedom2 + freedom1 * f));
-  return Eigen::betainc(a, b, x)(0);
-}
-
 bool IsIn(uint32_t rows, int i) { return (rows >> i & 1) != 0; }
 
 // A set of wrong rows, as bits, and the squares that the others leave.
@@ -113,6 +106,12 @@ class FewRows {
 };
 
 }  // namespace
+
+double TailOfF(double f, double freedom1, double freedom2) {
+  using Value = Eigen::Array<double, 1, 1>;
+  const Value a(freedom2 / 2), b(freedom1 / 2), x(freedom2 / (freedom2 + freedom1 * f));
+  return Eigen::betainc(a, b, x)(0);
+}
 
 std::vector<bool> FindWrongRows(const std::vector<Eigen::Vector3d>& src,
                                 const std::vector<Eigen::Vector3d>& dst, double min_sigma) {

@@ -5,6 +5,9 @@
 
 namespace cairn {
 
+// How likely a variable of the F distribution is above f.
+double TailOfF(double f, double freedom1, double freedom2);
+
 // So few control points that every choice of wrong ones among them can be tried.
 inline constexpr size_t kFewRows = 12;
 

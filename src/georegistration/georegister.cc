@@ -32,6 +32,8 @@ constexpr double kNormalFence = 4.80;
 constexpr double kFirstMedians = 3.0;
 // No receiver is better than this.
 constexpr double kMinSigmaM = kControlPointSigmaM;
+// Of so many rows the quartiles tell enough to find normal ones wrong as seldom as the fence says.
+constexpr size_t kManyRows = 50;
 constexpr int kMaxRounds = 50;
 // Cameras whose path is this much longer than wide are on a line but for rounding.
 constexpr double kMinWidth = 1e-6;
@@ -307,6 +309,29 @@ bool IsByChance(const Rows& rows) {
   return log_chance > std::log(kMaxChance);
 }
 
+// Do the rows agree better without those that are wrong than chance explains? The F test over all
+// sets of as many. Of few rows quartiles tell little, and a fit follows those that are kept.
+bool AreWrong(const Rows& rows, const Rows& all) {
+  if (rows.size() >= kManyRows) return true;
+  const double num_axes = rows.front().has_height ? 3 : 2;
+  const auto num_wrong = static_cast<double>(std::ranges::count_if(rows, &Row::is_wrong));
+  const auto n = static_cast<double>(rows.size());
+  const double freedom1 = num_axes * num_wrong;
+  const double freedom2 = num_axes * (n - num_wrong) - (rows.front().has_height ? 7 : 6);
+  if (!(freedom1 > 0 && freedom2 > 0)) return false;
+  const auto sum_of_squares = [](const Rows& some) {
+    double sum = 0;
+    for (const Row& row : some) sum += Weight(row) * row.residual.squaredNorm();
+    return sum;
+  };
+  const double without = sum_of_squares(Kept(rows));
+  const double f = (sum_of_squares(all) - without) / freedom1 / (without / freedom2);
+  if (!(f > 0)) return false;
+  return LogBinomial(static_cast<int>(n), static_cast<int>(num_wrong)) +
+             std::log(TailOfF(f, freedom1, freedom2)) <
+         std::log(kMaxChance);
+}
+
 // The similarity by a few control points; false: there is none.
 bool AlignFew(Rows& rows, Georegistration& out) {
   const std::vector<bool> is_wrong =
@@ -332,11 +357,14 @@ Sim3d AlignFrom(const Sim3d& start, const FitRows& fit, Rows& rows) {
     const double fence = Fence(rows);
     if (!Judge([&](const Row& row) { return fence * row.sigma_m; }, rows)) break;
   }
-  if (!IsByChance(rows)) return found;
-  for (Row& row : rows) row.is_wrong = false;
-  found = fit(rows, found).value_or(found);
-  Measure(found, rows);
-  return found;
+  if (rows.size() > 3 && std::ranges::none_of(rows, &Row::is_wrong)) return found;
+  Rows all = rows;
+  for (Row& row : all) row.is_wrong = false;
+  const Sim3d by_all = fit(all, found).value_or(found);
+  Measure(by_all, all);
+  if (!IsByChance(rows) && AreWrong(rows, all)) return found;
+  rows = std::move(all);
+  return by_all;
 }
 
 // The similarity by any number of rows. Where they have no height, all are at the same one.

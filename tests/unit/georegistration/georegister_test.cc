@@ -77,6 +77,20 @@ TEST_F(GeoregisterTest, OfFewRowsManyMayBeWrong) {
   EXPECT_LT(LargestError(found), 0.3);
 }
 
+// Of few rows quartiles tell little: what is normal is not wrong.
+TEST_F(GeoregisterTest, OfFewRowsWithNormalErrorsNoneIsWrong) {
+  AddNoise(1.5);
+  const std::map<std::string, GpsRow> all = rows_;
+  int num_wrong = 0;
+  for (const int n : {6, 8, 11}) {
+    for (auto first = all.begin(); std::distance(first, all.end()) >= n; ++first) {
+      rows_ = {first, std::next(first, n)};
+      num_wrong += WrongOf(Georegister(model_, {rows_})).empty() ? 0 : 1;
+    }
+  }
+  EXPECT_LE(num_wrong, 2);  // of 98 models
+}
+
 TEST_F(GeoregisterTest, SigmasWeigh) {
   AddNoise(20);
   for (const auto& [id, enu] : enu_) {
