@@ -151,9 +151,9 @@ class BundleBudget {
 
 // Peak memory, bytes, from reading such a database until there are tracks.
 int64_t EstimateSceneBytes(const SceneCounts& counts) {
-  // A keypoint: pixel, scale, the first one at its position; of tracks its node, element, parent
-  // and next one; again in the model with the point it shows.
-  constexpr int64_t kKeypoint = 16 + 4 + 4 + 4 + 8 + 4 + 4 + 16 + 8;
+  // A keypoint: pixel, scale, the first one at its position; of tracks its node, element, parent,
+  // next one, image and size; again in the model with the point it shows.
+  constexpr int64_t kKeypoint = 16 + 4 + 4 + 4 + 8 + 4 + 4 + 4 + 4 + 16 + 8;
   // An edge in the scene, before calibration, in the graph, and copies of a component and of its
   // model; in the map of matches.
   constexpr int64_t kPair = 5 * sizeof(ViewEdge) + 96;

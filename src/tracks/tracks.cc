@@ -96,13 +96,17 @@ std::vector<int> OrderBySupport(std::span<const PairMatches> pairs) {
   });
 }
 
-// Disjoint sets of nodes, each a list in ascending order that begins at its root. What a walk along
-// a list reads of a node lies together: members are far apart, and each costs a wait for memory.
+// A node and its image. Ascending nodes have ascending images.
+using ImageNode = std::pair<image_t, int>;
+
+// Disjoint sets of nodes. Most are short, each a list in ascending order that begins at its root;
+// what a walk along a list reads of a node lies together: members are far apart, and each costs a
+// wait for memory. So a set that grows long becomes an array.
 class NodeSets {
  public:
   explicit NodeSets(const Nodes& nodes) : members_(nodes.Num()) {
     for (int node = 0; node < nodes.Num(); ++node) {
-      members_[node] = {.parent = node, .next = -1, .image_id = nodes.ImageOf(node)};
+      members_[node] = {.parent = node, .next = -1, .image_id = nodes.ImageOf(node), .set_size = 1};
     }
   }
 
@@ -115,9 +119,61 @@ class NodeSets {
     __builtin_prefetch(&members_[ParentOf(node).load(std::memory_order_relaxed)]);
   }
   bool IsRoot(int node) const { return members_[node].parent == node; }
-  int Next(int node) const { return members_[node].next; }  // -1: the last one
-  // Ascending nodes have ascending images.
+  int SizeOf(int root) const { return members_[root].set_size; }
+  // Calls fn(image, node) for all members in ascending order, until it returns true.
+  template <class Fn>
+  bool AnyMember(int root, const Fn& fn) const {
+    if (IsLong(root)) {
+      for (const auto& [image_id, node] : long_sets_.at(root)) {
+        if (fn(image_id, node)) return true;
+      }
+      return false;
+    }
+    for (int node = root; node >= 0; node = members_[node].next) {
+      if (fn(members_[node].image_id, node)) return true;
+    }
+    return false;
+  }
   bool ShareImage(int root1, int root2) const {
+    if (SizeOf(root1) < SizeOf(root2)) std::swap(root1, root2);
+    if (!IsLong(root1)) return ShortOnesShareImage(root1, root2);
+    const std::vector<ImageNode>& first = long_sets_.at(root1);
+    auto from = first.begin();
+    return AnyMember(root2, [&](image_t image_id, int) {
+      from = std::lower_bound(from, first.end(), ImageNode(image_id, 0));
+      return from != first.end() && from->first == image_id;
+    });
+  }
+  void Join(int root1, int root2) {
+    if (root1 > root2) std::swap(root1, root2);
+    const int size = SizeOf(root1) + SizeOf(root2);
+    if (size < kLong) {
+      MergeLists(root1, root2);
+    } else {
+      std::vector<ImageNode> members = TakeMembers(root1), others = TakeMembers(root2);
+      if (members.size() < others.size()) members.swap(others);
+      for (const ImageNode& other : others) {
+        members.insert(std::ranges::lower_bound(members, other), other);
+      }
+      long_sets_[root1] = std::move(members);
+    }
+    members_[root2].parent = root1;
+    members_[root1].set_size = size;
+  }
+
+ private:
+  static constexpr int kLong = 64;
+
+  struct Member {
+    int parent;
+    int next;  // -1: the last one; means nothing in a long set
+    image_t image_id;
+    int set_size;  // of a root's set
+  };
+  std::atomic_ref<int> ParentOf(int node) { return std::atomic_ref<int>(members_[node].parent); }
+  bool IsLong(int root) const { return SizeOf(root) >= kLong; }
+
+  bool ShortOnesShareImage(int root1, int root2) const {
     for (int a = root1, b = root2; a >= 0 && b >= 0;) {
       const image_t image1 = members_[a].image_id;
       const image_t image2 = members_[b].image_id;
@@ -127,9 +183,8 @@ class NodeSets {
     }
     return false;
   }
-  void Join(int root1, int root2) {
-    if (root1 > root2) std::swap(root1, root2);
-    members_[root2].parent = root1;
+  // Of short sets, the smaller root first.
+  void MergeLists(int root1, int root2) {
     int last = root1, a = members_[root1].next, b = root2;
     while (a >= 0 && b >= 0) {
       int& smaller = a < b ? a : b;
@@ -138,16 +193,19 @@ class NodeSets {
     }
     members_[last].next = a >= 0 ? a : b;
   }
-
- private:
-  struct Member {
-    int parent;
-    int next;
-    image_t image_id;
-  };
-  std::atomic_ref<int> ParentOf(int node) { return std::atomic_ref<int>(members_[node].parent); }
+  // Leaves none of a long set.
+  std::vector<ImageNode> TakeMembers(int root) {
+    if (IsLong(root)) return std::move(long_sets_.extract(root).mapped());
+    std::vector<ImageNode> members;
+    AnyMember(root, [&](image_t image_id, int node) {
+      members.emplace_back(image_id, node);
+      return false;
+    });
+    return members;
+  }
 
   std::vector<Member> members_;
+  std::unordered_map<int, std::vector<ImageNode>> long_sets_;  // by root; ascending
 };
 
 // Matches of a pair, as roots, that would join two sets.
@@ -217,13 +275,12 @@ std::vector<Track> TracksOf(const NodeSets& sets, const Nodes& nodes, int min_le
   ParallelFor(
       num_threads, std::ssize(roots),
       [&](int64_t i) {
-        int length = 0;
-        for (int node = roots[i]; node >= 0; node = sets.Next(node)) ++length;
-        if (length < min_length) return;
-        tracks[i].reserve(length);
-        for (int node = roots[i]; node >= 0; node = sets.Next(node)) {
+        if (sets.SizeOf(roots[i]) < min_length) return;
+        tracks[i].reserve(sets.SizeOf(roots[i]));
+        sets.AnyMember(roots[i], [&](image_t, int node) {
           tracks[i].push_back(nodes.Element(node));
-        }
+          return false;
+        });
       },
       /*grain=*/1024);
   std::erase_if(tracks, [](const Track& track) { return track.empty(); });

@@ -110,6 +110,31 @@ TEST(BuildTracks, OfManyMatchesAreThoseOfOneAfterTheOther) {
   EXPECT_EQ(by_one.num_conflicting, report.num_conflicting);
 }
 
+// A hundred photographs of one thing; a tenth of the matches are wrong.
+TEST(BuildTracks, ThatAreLongAreThoseOfOneMatchAfterTheOther) {
+  constexpr int kNumImages = 150, kNumPoints = 40;
+  Rng rng(5, "long tracks");
+  std::vector<OwnedPair> pairs;
+  for (image_t a = 1; a <= kNumImages; ++a) {
+    for (image_t b = a + 1; b <= kNumImages; ++b) {
+      OwnedPair pair{a, b, {}};
+      for (uint64_t k = rng.UniformInt(4); k > 0; --k) {
+        const auto point = static_cast<point2D_t>(rng.UniformInt(kNumPoints));
+        const bool is_wrong = rng.Uniform() < 0.01;
+        pair.matches.push_back(
+            {point, is_wrong ? static_cast<point2D_t>(rng.UniformInt(kNumPoints)) : point});
+      }
+      pairs.push_back(std::move(pair));
+    }
+  }
+  const TrackReport report = Build(pairs, {});
+  EXPECT_GT(report.num_conflicting, 1000);
+  const std::set<Track> expected = TracksByDefinition(pairs);
+  EXPECT_TRUE(std::ranges::equal(report.tracks, expected));
+  const auto length = [](const Track& track) { return track.size(); };
+  EXPECT_GT(std::ranges::max(expected, {}, length).size(), kNumImages / 2);
+}
+
 TEST(BuildTracks, AcceptsImagesInEitherOrder) {
   const std::vector<OwnedPair> forward = {{1, 2, {{0, 5}}}};
   const std::vector<OwnedPair> backward = {{2, 1, {{5, 0}}}};
