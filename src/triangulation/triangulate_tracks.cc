@@ -155,8 +155,8 @@ Verdict Judge(const Point3D& point, const ViewTable& views,
     }
   }
   if (static_cast<int>(good_centers.size()) < options.min_views) return verdict;
-  verdict.keep =
-      MaxTriangulationAngleDeg(point.xyz, std::move(good_centers)) >= options.min_angle_deg;
+  verdict.keep = MaxTriangulationAngleDeg(point.xyz, std::move(good_centers),
+                                          options.min_angle_deg) >= options.min_angle_deg;
   return verdict;
 }
 

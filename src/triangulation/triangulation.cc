@@ -204,7 +204,8 @@ TriangulationResult Triangulate(std::span<const TriangulationView> views,
     centers.push_back(Center(views[i]));
     sum_error += std::sqrt(SquaredErrorPx(views[i], xyz));
   }
-  if (MaxTriangulationAngleDeg(xyz, std::move(centers)) < options.min_angle_deg) {
+  if (MaxTriangulationAngleDeg(xyz, std::move(centers), options.min_angle_deg) <
+      options.min_angle_deg) {
     return fail(TriangulationStatus::kSmallAngle);
   }
   result.status = TriangulationStatus::kSuccess;
@@ -214,14 +215,21 @@ TriangulationResult Triangulate(std::span<const TriangulationView> views,
   return result;
 }
 
-double MaxTriangulationAngleDeg(const Eigen::Vector3d& xyz, std::vector<Eigen::Vector3d> centers) {
+double MaxTriangulationAngleDeg(const Eigen::Vector3d& xyz, std::vector<Eigen::Vector3d> centers,
+                                double enough_deg) {
   std::vector<Eigen::Vector3d>& rays = centers;  // in their place, one after the other
-  double min_cosine = 1.0;
+  double min_cosine = 1.0, widest_deg = 0.0;
   for (size_t i = 0; i < centers.size(); ++i) {
     rays[i] = (xyz - centers[i]).normalized();
-    for (size_t j = 0; j < i; ++j) min_cosine = std::min(min_cosine, rays[i].dot(rays[j]));
+    for (size_t j = 0; j < i; ++j) {
+      const double cosine = rays[i].dot(rays[j]);
+      if (!(cosine < min_cosine)) continue;
+      min_cosine = cosine;
+      widest_deg = RadToDeg(std::acos(std::max(cosine, -1.0)));
+      if (widest_deg >= enough_deg) return widest_deg;
+    }
   }
-  return RadToDeg(std::acos(std::clamp(min_cosine, -1.0, 1.0)));
+  return widest_deg;
 }
 
 }  // namespace cairn

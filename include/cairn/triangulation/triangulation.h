@@ -62,7 +62,9 @@ struct TriangulationResult {
 TriangulationResult Triangulate(std::span<const TriangulationView> views,
                                 const TriangulationOptions& options);
 
-// Largest angle (degrees) between the rays from the centers to the point.
-double MaxTriangulationAngleDeg(const Eigen::Vector3d& xyz, std::vector<Eigen::Vector3d> centers);
+// Largest angle (degrees) between the rays from the centers to the point; or the first one found of
+// enough_deg and more: all pairs of a thousand centers take a millisecond.
+double MaxTriangulationAngleDeg(const Eigen::Vector3d& xyz, std::vector<Eigen::Vector3d> centers,
+                                double enough_deg = 180.0);
 
 }  // namespace cairn

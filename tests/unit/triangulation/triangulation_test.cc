@@ -4,6 +4,7 @@
 
 #include "cairn/base/rng.h"
 #include "cairn/camera/camera.h"
+#include "cairn/math/angles.h"
 #include "cairn/math/so3.h"
 #include "cairn/synthetic/poses.h"
 #include "math/random_vectors.h"
@@ -200,6 +201,15 @@ TEST(MaxTriangulationAngle, IsTheLargestAngleAtThePoint) {
   const std::vector<Eigen::Vector3d> centers = {{1, 0, 0}, {0, 1, 0}, {1, 1, 0}};
   EXPECT_NEAR(MaxTriangulationAngleDeg(Eigen::Vector3d::Zero(), centers), 90.0, 1e-9);
   EXPECT_EQ(MaxTriangulationAngleDeg(Eigen::Vector3d::Zero(), {}), 0.0);
+}
+
+TEST(MaxTriangulationAngle, OfManyCentersIsTheFirstOneThatIsEnough) {
+  std::vector<Eigen::Vector3d> centers;
+  for (int k = 0; k <= 90; ++k) {
+    centers.emplace_back(std::cos(DegToRad(k)), std::sin(DegToRad(k)), 0);
+  }
+  EXPECT_NEAR(MaxTriangulationAngleDeg(Eigen::Vector3d::Zero(), centers, 19.5), 20.0, 1e-9);
+  EXPECT_NEAR(MaxTriangulationAngleDeg(Eigen::Vector3d::Zero(), centers, 90.5), 90.0, 1e-9);
 }
 
 }  // namespace
