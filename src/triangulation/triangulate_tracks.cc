@@ -18,35 +18,44 @@ struct PreparedImage {
   TriangulationView pose;  // without a ray
   // NaN: this keypoint is not in a track, or the distortion cannot be undone there.
   std::vector<Eigen::Vector2d> rays;
+  std::vector<double> focals_px;  // of the image there
   // Where the camera is not planar: every keypoint has a camera of its own, turned so that the
-  // bearing is its axis, with the focal length of the image there. Its ray is (0, 0).
-  struct OwnCamera {
-    Eigen::Matrix3d own_from_cam;
-    double focal_px;
-  };
-  std::vector<OwnCamera> own_cameras;
+  // bearing is its axis. Its ray is (0, 0).
+  std::vector<Eigen::Matrix3d> own_from_cam;
 
   TriangulationView View(point2D_t k) const {
     TriangulationView view = pose;
     view.ray = rays[k];
-    if (!own_cameras.empty()) {
-      const OwnCamera& own = own_cameras[k];
-      view.cam_from_world_rotation = own.own_from_cam * pose.cam_from_world_rotation;
-      view.cam_from_world_translation = own.own_from_cam * pose.cam_from_world_translation;
-      view.focal_px = own.focal_px;
+    view.focal_px = focals_px[k];
+    if (!own_from_cam.empty()) {
+      view.cam_from_world_rotation = own_from_cam[k] * pose.cam_from_world_rotation;
+      view.cam_from_world_translation = own_from_cam[k] * pose.cam_from_world_translation;
     }
     return view;
   }
 };
 
+// Pixels a unit of a planar camera's rays. Where a wide lens squeezes the corners, an error of a
+// pixel is many of the undistorted image; ordinary lenses hardly tell these apart.
+double FocalAt(const Camera& camera, const Eigen::Matrix2d& ray_by_pixel) {
+  constexpr double kMinSqueeze = 1.5;
+  const double mean_px = camera.MeanFocal();
+  const double focal_px = 1.0 / std::sqrt(std::abs(ray_by_pixel.determinant()));
+  return mean_px > kMinSqueeze * focal_px ? focal_px : mean_px;
+}
+
 void UndistortRays(const Camera& camera, PreparedImage* p) {
   const bool is_planar = camera.IsPlanar();
-  if (!is_planar) p->own_cameras.resize(p->rays.size());
+  p->focals_px.resize(p->rays.size());
+  if (!is_planar) p->own_from_cam.resize(p->rays.size());
   for (size_t k = 0; k < p->rays.size(); ++k) {
     if (std::isnan(p->rays[k].x())) continue;
     const Eigen::Vector2d& pixel = p->image->points2D[k];
     if (is_planar) {
-      p->rays[k] = camera.CamFromImg(pixel).value_or(Eigen::Vector2d::Constant(std::nan("")));
+      Eigen::Matrix2d ray_by_pixel = Eigen::Matrix2d::Identity();
+      p->rays[k] =
+          camera.CamFromImg(pixel, &ray_by_pixel).value_or(Eigen::Vector2d::Constant(std::nan("")));
+      p->focals_px[k] = FocalAt(camera, ray_by_pixel);
       continue;
     }
     const auto bearing = camera.RayFromImg(pixel);
@@ -56,10 +65,9 @@ void UndistortRays(const Camera& camera, PreparedImage* p) {
       continue;
     }
     const Eigen::Vector3d across = bearing->unitOrthogonal();
-    PreparedImage::OwnCamera& own = p->own_cameras[k];
-    own.own_from_cam << across.transpose(), bearing->cross(across).transpose(),
+    p->own_from_cam[k] << across.transpose(), bearing->cross(across).transpose(),
         bearing->transpose();
-    own.focal_px = 1.0 / radians_per_px;
+    p->focals_px[k] = 1.0 / radians_per_px;
   }
 }
 
@@ -72,7 +80,6 @@ std::unordered_map<image_t, PreparedImage> PrepareImages(std::span<const Track> 
     p.image = &image;
     p.pose.cam_from_world_rotation = image.cam_from_world.RotationMatrix();
     p.pose.cam_from_world_translation = image.cam_from_world.translation;
-    p.pose.focal_px = reconstruction.CameraOf(image).MeanFocal();
     p.pose.error_scale = reconstruction.CameraOf(image).ErrorScale();
     p.rays.assign(image.points2D.size(), Eigen::Vector2d::Constant(std::nan("")));
   }

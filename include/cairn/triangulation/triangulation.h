@@ -10,8 +10,7 @@
 namespace cairn {
 
 struct TriangulationOptions {
-  // Largest reprojection error of an observation, pixels (of the undistorted image; times
-  // Camera::ErrorScale).
+  // Largest reprojection error of an observation, pixels (times Camera::ErrorScale).
   double max_error_px = 4.0;
   // And in standard deviations of the observation, where its noise is known.
   double max_error_sigmas = 6.0;
@@ -28,8 +27,8 @@ struct TriangulationOptions {
 };
 
 // One observation: the camera's pose, the ray (u, v, 1) of the pixel with the distortion removed,
-// the focal length (pixels) that turns differences of rays into pixels, and the standard deviation
-// of the pixel (0: not known, all alike).
+// the focal length (pixels) that turns differences of rays into pixels there, and the standard
+// deviation of the pixel (0: not known, all alike).
 struct TriangulationView {
   Eigen::Matrix3d cam_from_world_rotation = Eigen::Matrix3d::Identity();
   Eigen::Vector3d cam_from_world_translation = Eigen::Vector3d::Zero();

@@ -82,6 +82,33 @@ TEST(TriangulateTracks, AllowsErrorsInStandardDeviationsWhereTheyAreKnown) {
   EXPECT_FALSE(is_observed(filtered));
 }
 
+// In the corner of an action camera's picture 3 pixels are a dozen of the undistorted one.
+TEST(TriangulateTracks, AllowsErrorsInPixelsOfThePictureWhereAWideLensSqueezesIt) {
+  Reconstruction model;
+  Camera camera = Camera::FromFocal(1, CameraModel::kFullOpenCV, 500, 1000, 750);
+  camera.params[4] = 0.05;  // k1
+  camera.params[9] = 0.35;  // k4, of the denominator
+  model.cameras[1] = camera;
+  const Eigen::Vector3d point(8, 6, 2);
+  Track track;
+  for (image_t id = 1; id <= 3; ++id) {
+    RegisteredImage image;
+    image.image.image_id = id;
+    image.image.camera_id = 1;
+    image.cam_from_world.translation.x() = id;
+    const auto pixel = camera.ImgFromRay(image.cam_from_world * point);
+    ASSERT_TRUE(pixel.has_value());
+    image.points2D = {*pixel};
+    image.point3D_ids = {kInvalidPoint3DId};
+    model.images[id] = image;
+    track.push_back({id, 0});
+  }
+  model.images.at(3).points2D[0] += Eigen::Vector2d(-1.8, 2.4);
+  TriangulateTracks(std::vector<Track>{track}, model, {}, {.num_threads = 1});
+  ASSERT_EQ(model.points3D.size(), 1u);
+  EXPECT_EQ(model.points3D.begin()->second.track, track);
+}
+
 TEST(TriangulateTracks, DoesNotDependOnTheNumberOfThreads) {
   SyntheticOptions synthetic;
   synthetic.noise_px = 1;
