@@ -196,8 +196,12 @@ std::optional<GpsPosition> Gps(const Exiv2::ExifData& data) {
   if (!latitude || !longitude || (*latitude == 0 && *longitude == 0)) return std::nullopt;
   GpsPosition gps{*latitude, *longitude, Number(data, "Exif.GPSInfo.GPSAltitude")};
   if (gps.altitude_m && *gps.altitude_m > kMaxAltitudeM) gps.altitude_m.reset();
-  if (Text(data, "Exif.GPSInfo.GPSLatitudeRef") == "S") gps.latitude_deg *= -1;
-  if (Text(data, "Exif.GPSInfo.GPSLongitudeRef") == "W") gps.longitude_deg *= -1;
+  const auto is_of = [&](const char* key, char upper, char lower) {
+    const std::string text = Text(data, key);  // some write the word, or small letters
+    return text.starts_with(upper) || text.starts_with(lower);
+  };
+  if (is_of("Exif.GPSInfo.GPSLatitudeRef", 'S', 's')) gps.latitude_deg *= -1;
+  if (is_of("Exif.GPSInfo.GPSLongitudeRef", 'W', 'w')) gps.longitude_deg *= -1;
   const bool is_below = Text(data, "Exif.GPSInfo.GPSAltitudeRef") == "1";
   if (gps.altitude_m && is_below) *gps.altitude_m *= -1;
   return gps.IsOnEarth() ? std::optional(gps) : std::nullopt;

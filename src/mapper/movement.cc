@@ -96,15 +96,18 @@ std::vector<ResultWarning> KeepFrame(StageContext& context, const Reconstruction
              Names(context.scene, replaced),
          "");
   }
-  if (num_far > 0) {
-    const std::span<const Move> far(moves.data(), num_far);
-    std::vector<image_t> named;
-    for (const Move& move : far) named.push_back(move.image_id);
-    const std::string most = Formatted("%.1f times (%.2g degrees, %.2g units)", far[0].times,
-                                       far[0].turn_deg, far[0].shift);
-    warn(std::to_string(num_far) + " of " + std::to_string(moves.size()) +
-             " poses of the input model moved by more than their confidence, by up to " + most +
-             ": " + Names(context.scene, named),
+  std::vector<image_t> far;
+  for (const Move& move : moves) {
+    if (move.times > kFarSigmas) far.push_back(move.image_id);
+  }
+  if (!far.empty()) {
+    const std::string most =
+        Formatted("%.1f standard deviations (%.2g degrees, %.2g units)", moves.front().times,
+                  moves.front().turn_deg, moves.front().shift);
+    warn(std::to_string(far.size()) + " of " + std::to_string(moves.size()) +
+             " poses of the input model moved by more than three of their standard deviations, "
+             "by up to " +
+             most + ": " + Names(context.scene, far),
          "where that is too far, use the command reconstruct, without --input_path");
   }
   return warnings;

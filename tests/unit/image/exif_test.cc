@@ -157,6 +157,8 @@ TEST(Exif, GpsPosition) {
   EXPECT_NEAR(found->latitude_deg, -35.91, 1e-12);
   EXPECT_NEAR(found->longitude_deg, -79.025, 1e-12);
   EXPECT_EQ(found->altitude_m, 150.5);
+  EXPECT_LT(gps({tags[0], {tags[1].first, "south"}, tags[2]})->latitude_deg, 0);
+  EXPECT_LT(gps({tags[0], tags[2], {tags[3].first, "w"}})->longitude_deg, 0);
   EXPECT_FALSE(gps({tags[0]}));
   // At sea level is not the same as not known.
   EXPECT_EQ(gps({tags[0], tags[2], {"Exif.GPSInfo.GPSAltitude", "0/10"}})->altitude_m, 0.0);
