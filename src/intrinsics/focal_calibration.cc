@@ -23,23 +23,27 @@ using internal::FocalProblem;
 using internal::FocalTerm;
 using internal::FundamentalFit;
 
-// F of the rays that nominal focal lengths and undistorted pixels give.
-std::optional<FundamentalFit> FitPair(const FocalPair& pair, const Camera& camera1,
-                                      const Camera& camera2) {
+// The rays that nominal focal lengths and undistorted pixels give.
+PointPairs NominalRays(const FocalPair& pair, const Camera& camera1, const Camera& camera2) {
   CAIRN_CHECK_EQ(pair.pixels1.size(), pair.pixels2.size());
-  std::vector<Eigen::Vector2d> x1, x2;
-  for (size_t i = 0; i < pair.pixels1.size(); ++i) {
-    x1.push_back((pair.pixels1[i] - camera1.PrincipalPoint()) / camera1.MeanFocal());
-    x2.push_back((pair.pixels2[i] - camera2.PrincipalPoint()) / camera2.MeanFocal());
+  PointPairs points;
+  points.Reset(static_cast<int>(pair.pixels1.size()), camera1.MeanFocal(), camera2.MeanFocal());
+  for (int i = 0; i < points.size(); ++i) {
+    points.Set(i, (pair.pixels1[i] - camera1.PrincipalPoint()) / camera1.MeanFocal(),
+               (pair.pixels2[i] - camera2.PrincipalPoint()) / camera2.MeanFocal());
   }
+  return points;
+}
+
+// The pair's F, of these rays.
+Eigen::Matrix3d NominalF(const FocalPair& pair, const Camera& camera1, const Camera& camera2) {
   const auto pinhole = [](const Camera& camera) {
     Eigen::Matrix3d K = Eigen::Matrix3d::Identity();
     K.diagonal().head<2>().setConstant(camera.MeanFocal());
     K.col(2).head<2>() = camera.PrincipalPoint();
     return K;
   };
-  return FitFundamental(x1, x2, camera1.MeanFocal(), camera2.MeanFocal(),
-                        pinhole(camera2).transpose() * pair.F * pinhole(camera1));
+  return pinhole(camera2).transpose() * pair.F * pinhole(camera1);
 }
 
 FocalStatus Judge(const Camera& camera, const CalibratedFocal& focal,
@@ -138,8 +142,12 @@ FocalCalibrationReport CalibrateFocals(const std::map<camera_t, Camera>& cameras
   ValidateOptions(options, "focal_calibration");
   CheckPairs(cameras, pairs);
   std::vector<std::optional<FundamentalFit>> fits(pairs.size());
+  std::vector<PointPairs> points(pairs.size());
   ParallelFor(run.num_threads, static_cast<int64_t>(pairs.size()), [&](int64_t i) {
-    fits[i] = FitPair(pairs[i], cameras.at(pairs[i].camera_id1), cameras.at(pairs[i].camera_id2));
+    const Camera& camera1 = cameras.at(pairs[i].camera_id1);
+    const Camera& camera2 = cameras.at(pairs[i].camera_id2);
+    points[i] = NominalRays(pairs[i], camera1, camera2);
+    fits[i] = FitFundamental(points[i], NominalF(pairs[i], camera1, camera2));
   });
 
   FocalCalibrationReport report;
@@ -165,6 +173,7 @@ FocalCalibrationReport CalibrateFocals(const std::map<camera_t, Camera>& cameras
     term.principal_point_sigmas = {PrincipalPointSigma(cameras.at(pairs[i].camera_id1), options),
                                    PrincipalPointSigma(cameras.at(pairs[i].camera_id2), options)};
     term.fit = *fits[i];
+    term.points = std::move(points[i]);
     if (term.camera1 >= 0 || term.camera2 >= 0) terms.push_back(std::move(term));
   }
   const FocalProblem problem(std::move(terms), std::move(prior_sigmas));

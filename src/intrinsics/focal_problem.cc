@@ -9,6 +9,7 @@
 
 #include "cairn/base/parallel.h"
 #include "cairn/math/median.h"
+#include "intrinsics/essential_term.h"
 #include "math/levenberg_marquardt.h"
 
 namespace cairn::internal {
@@ -20,9 +21,11 @@ constexpr double kMaxSquaredError = 9.21;
 // What F's covariance does not know: distortion, matches that hang together.
 constexpr double kModelSigma = 0.005;
 constexpr int kMaxSweeps = 3;
+constexpr int kGrain = 64;  // terms that a thread takes at a time
 constexpr int kPointIterations = 3;
 constexpr int kMaxIterations = 100;
 constexpr double kMinRelativeGain = 1e-10;
+constexpr double kMinRelativeGainByMatches = 1e-5;
 // A step that doubles a focal length leaves where the linearization holds.
 constexpr double kMaxStep = 0.7;
 // The median of a squared residual of two equations.
@@ -33,6 +36,12 @@ double Loss(double squared) { return squared / (1.0 + squared / kMaxSquaredError
 double LossWeight(double squared) {
   const double weight = 1.0 / (1.0 + squared / kMaxSquaredError);
   return weight * weight;
+}
+
+// Of squared errors: where most pairs contradict what their matches promise, the promise is worth
+// less.
+double Excess(std::vector<double> squared_errors) {
+  return std::max(1.0, UpperMedian(std::move(squared_errors)) / kChiSquareMedian);
 }
 
 double Squared(const Eigen::Vector2d& r, const Eigen::Matrix2d& information) {
@@ -217,27 +226,33 @@ void FocalProblem::Search(int num_threads, State& x) const {
 }
 
 SparseNormals FocalProblem::Linearize(int num_threads, const State& x) const {
-  std::vector<LinearResidual> linear(terms_.size());
-  constexpr int kGrain = 64;
+  std::vector<LocalNormals> terms(terms_.size());
   ParallelFor(
       num_threads, std::ssize(terms_),
-      [&](int64_t i) { linear[i] = LinearizeAt(terms_[i], LocalOf(terms_[i], x)); }, kGrain);
+      [&](int64_t i) {
+        const auto& [value, by] = LinearizeAt(terms_[i], LocalOf(terms_[i], x));
+        terms[i].cost = value.squaredNorm();
+        terms[i].gradient = by.transpose() * value;
+        terms[i].hessian = by.transpose() * by;
+      },
+      kGrain);
+  return Sum(terms, x);
+}
+
+SparseNormals FocalProblem::Sum(std::span<const LocalNormals> terms, const State& x) const {
   std::vector<Eigen::Triplet<double>> entries;
   SparseNormals model;
   model.gradient.setZero(x.size());
   for (size_t i = 0; i < terms_.size(); ++i) {
-    const auto& [value, by] = linear[i];
-    const double squared = value.squaredNorm();
-    model.cost += Loss(squared);
-    const Eigen::Matrix<double, kNumLocal, kNumLocal> hessian =
-        LossWeight(squared) * by.transpose() * by;
-    const Local gradient = LossWeight(squared) * by.transpose() * value;
+    model.cost += Loss(terms[i].cost);
+    const double weight = LossWeight(terms[i].cost);
     const std::array<int, kNumLocal> variables = VariablesOf(terms_[i]);
     for (int a = 0; a < kNumLocal; ++a) {
       if (variables[a] < 0) continue;
-      model.gradient[variables[a]] += gradient[a];
+      model.gradient[variables[a]] += weight * terms[i].gradient[a];
       for (int b = 0; b < kNumLocal; ++b) {
-        if (variables[b] >= 0) entries.emplace_back(variables[a], variables[b], hessian(a, b));
+        if (variables[b] < 0) continue;
+        entries.emplace_back(variables[a], variables[b], weight * terms[i].hessian(a, b));
       }
     }
   }
@@ -270,6 +285,44 @@ void FocalProblem::Refine(int num_threads, State& x) const {
   };
   Problem problem{*this, num_threads};
   Minimize(problem, {kMaxIterations, kMinRelativeGain}, &x);
+}
+
+void FocalProblem::RefineByMatches(int num_threads, State& x) const {
+  struct Problem {
+    struct State {
+      Eigen::VectorXd x;
+      std::vector<EssentialTerm> terms;
+    };
+    SparseNormals Linearize(State& at) const {
+      std::vector<LocalNormals> terms(at.terms.size());
+      ParallelFor(num_threads, std::ssize(terms), [&](int64_t i) {
+        terms[i] = at.terms[i].Reduce(all.LocalOf(all.terms_[i], at.x));
+      });
+      return all.Sum(terms, at.x);
+    }
+    State Moved(const State& from, const Eigen::VectorXd& step) const {
+      return {from.x + step, from.terms};
+    }
+    bool Solve(const SparseNormals& model, double damping, Eigen::VectorXd* step) const {
+      return model.DampedStep(damping, kMaxStep, step);
+    }
+    const FocalProblem& all;
+    int num_threads;
+  };
+  Problem::State state{x, {}};
+  std::vector<double> squared_errors;
+  for (const FocalTerm& term : terms_) {
+    const Local local = LocalOf(term, x);
+    state.terms.emplace_back(term.points, term.fit, term.principal_point_sigmas, local);
+    const double known = EquationsAt(term, local).Covariance().trace();
+    state.terms.back().Doubt(1 + 2 * kModelSigma * kModelSigma / known);
+    squared_errors.push_back(state.terms.back().Reduce(local).cost);
+  }
+  const double excess = Excess(std::move(squared_errors));
+  for (EssentialTerm& term : state.terms) term.Doubt(excess);
+  Problem problem{*this, num_threads};
+  Minimize(problem, {kMaxIterations, kMinRelativeGainByMatches}, &state);
+  x = std::move(state.x);
 }
 
 double FocalProblem::ProfileSigma(int camera, const State& best, double excess) const {
@@ -323,9 +376,10 @@ FocalSolution FocalProblem::Solve(int num_threads) const {
     }
   }
   const SparseNormals model = Linearize(num_threads, best);
-  // Where most pairs contradict what their matches promise, the promise is worth less.
-  const double excess = std::max(1.0, UpperMedian(squared_errors) / kChiSquareMedian);
-  solution.log_focals.assign(best.data(), best.data() + n);
+  const double excess = Excess(std::move(squared_errors));
+  State exact = best;
+  RefineByMatches(num_threads, exact);
+  solution.log_focals.assign(exact.data(), exact.data() + n);
   solution.sigmas.resize(n);
   ParallelFor(num_threads, n, [&](int64_t v) {
     const auto camera = static_cast<int>(v);

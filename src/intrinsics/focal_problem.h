@@ -2,10 +2,12 @@
 
 #include <Eigen/Core>
 #include <array>
+#include <span>
 #include <vector>
 
 #include "intrinsics/kruppa.h"
 #include "intrinsics/sparse_normals.h"
+#include "math/normal_equations.h"
 
 namespace cairn::internal {
 
@@ -15,6 +17,7 @@ struct FocalTerm {
   int camera1 = -1;
   int camera2 = -1;
   Eigen::Vector2d principal_point_sigmas;
+  PointPairs points;  // rays by nominal intrinsics
   FundamentalFit fit;
 };
 
@@ -62,6 +65,10 @@ class FocalProblem {
   void Search(int num_threads, State& x) const;
   // Levenberg-Marquardt.
   void Refine(int num_threads, State& x) const;
+  // The same of what the terms' matches cost with the best E of the intrinsics, beyond what they
+  // cost with F, in place of Kruppa's residuals, which are linear in the noise of F: where F is
+  // known roughly, they make focal lengths too short.
+  void RefineByMatches(int num_threads, State& x) const;
   // Of the camera's log focal length, by how far off one may be, with the principal point that
   // suits it and the other cameras as they are, before it costs three standard deviations more than
   // the best (profile likelihood: Venzon and Moolgavkar 1988). The curvature at the best does not
@@ -70,6 +77,9 @@ class FocalProblem {
   // Gauss-Newton normal equations. Sigma changes with the intrinsics: one that is held makes focal
   // lengths too short, since the noise of F is in the residual and in its slope.
   SparseNormals Linearize(int num_threads, const State& x) const;
+  // Of squared errors of the terms, with half of their derivatives, and of the priors.
+  using LocalNormals = NormalEquations<kNumLocal>;  // with all of the hessian
+  SparseNormals Sum(std::span<const LocalNormals> terms, const State& x) const;
 
   std::vector<FocalTerm> terms_;
   std::vector<double> prior_sigmas_;

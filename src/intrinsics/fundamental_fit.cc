@@ -15,8 +15,6 @@ namespace {
 
 constexpr double kMinScalePx = 0.3;  // of the robust loss
 
-double ScalePx(double sigma_px) { return std::max(kMinScalePx, 3 * sigma_px); }
-
 double MedianSigma(const PointPairs& points, const Eigen::Matrix3d& F) {
   const MatchErrors all(points, F);
   const std::span<const float> errors = all.values();
@@ -33,7 +31,7 @@ bool SetCovariance(const PointPairs& points, FundamentalFit* fit) {
   using Matrix = NormalEquations<kDof>::Matrix;
   using Vector = NormalEquations<kDof>::Vector;
   const FundamentalFit::Tangents tangents = fit->ByStep();
-  const double scale_px = ScalePx(fit->sigma_px);
+  const double scale_px = LossScalePx(fit->sigma_px);
   // The normal equations are in units of the squared scale.
   const double variance = std::pow(fit->sigma_px / scale_px, 2);
   NormalEquations<kDof> groups[kGroups];
@@ -58,27 +56,25 @@ bool SetCovariance(const PointPairs& points, FundamentalFit* fit) {
 
 }  // namespace
 
-std::optional<FundamentalFit> FitFundamental(std::span<const Eigen::Vector2d> x1,
-                                             std::span<const Eigen::Vector2d> x2, double focal1_px,
-                                             double focal2_px, const Eigen::Matrix3d& start) {
+double LossScalePx(double sigma_px) { return std::max(kMinScalePx, 3 * sigma_px); }
+
+std::optional<FundamentalFit> FitFundamental(const PointPairs& points,
+                                             const Eigen::Matrix3d& start) {
   constexpr double kMinRatio = 1e-6;  // of singular values: of rank 1 below
   constexpr int kMaxRounds = 5;
   constexpr double kSameScale = 0.01;
-  if (std::ssize(x1) < kMinFundamentalMatches) return std::nullopt;
+  if (points.size() < kMinFundamentalMatches) return std::nullopt;
   const std::optional<FundamentalFactors> factors = FundamentalFactors::Of(start);
   if (!factors || !(factors->B(1, 1) > kMinRatio * factors->B(0, 0))) return std::nullopt;
-  PointPairs points;
-  points.Reset(static_cast<int>(x1.size()), focal1_px, focal2_px);
-  for (int i = 0; i < points.size(); ++i) points.Set(i, x1[i], x2[i]);
   FundamentalFit fit;
   static_cast<FundamentalFactors&>(fit) = *factors;
   fit.sigma_px = MedianSigma(points, fit.F());
   for (int round = 0; round < kMaxRounds; ++round) {
-    const double scale_px = ScalePx(fit.sigma_px);
+    const double scale_px = LossScalePx(fit.sigma_px);
     static_cast<FundamentalFactors&>(fit) =
         RefineFundamentalMatrix(points, fit.F(), {.scale_px = scale_px, .min_relative_gain = 1e-9});
     fit.sigma_px = MedianSigma(points, fit.F());
-    if (std::abs(ScalePx(fit.sigma_px) - scale_px) < kSameScale * scale_px) break;
+    if (std::abs(LossScalePx(fit.sigma_px) - scale_px) < kSameScale * scale_px) break;
   }
   if (!(fit.B.determinant() > 0)) return std::nullopt;
   fit.sigma_px = std::max(kMinSigmaPx, fit.sigma_px);

@@ -2,9 +2,9 @@
 
 #include <Eigen/Core>
 #include <optional>
-#include <span>
 
 #include "robust/fundamental_factors.h"
+#include "robust/point_pairs.h"
 
 namespace cairn::internal {
 
@@ -17,11 +17,12 @@ struct FundamentalFit : FundamentalFactors {
   double sigma_px = 0;                           // of the matches, by their median error
 };
 
-// RefineFundamentalMatrix from `start` at a scale that follows the errors; rays x1, x2 (third
-// component 1; divided by nominal focal lengths, in pixels, which turn errors into pixels). Absent
-// for too few matches, or where they do not determine F at all.
-std::optional<FundamentalFit> FitFundamental(std::span<const Eigen::Vector2d> x1,
-                                             std::span<const Eigen::Vector2d> x2, double focal1_px,
-                                             double focal2_px, const Eigen::Matrix3d& start);
+// Of the robust loss that belongs to this standard deviation.
+double LossScalePx(double sigma_px);
+
+// RefineFundamentalMatrix from `start` at a scale that follows the errors. Absent for too few
+// matches, or where they do not determine F at all.
+std::optional<FundamentalFit> FitFundamental(const PointPairs& points,
+                                             const Eigen::Matrix3d& start);
 
 }  // namespace cairn::internal
