@@ -109,6 +109,9 @@ BuiltModel BuildFrom(StageContext& context, std::span<const image_t> component,
   auto initial = AverageComponent(context, rotations.cam_from_world, built.graph);
   if (!initial) return built;
   Reconstruction model = MakeReconstruction(context.scene, initial->cam_from_world);
+  for (const auto& [id, image] : model.images) {
+    model.cameras.at(image.image.camera_id) = context.KnownCameraOf(id);
+  }
   if (context.scene.poses_alone) {
     ReportAgreement(context, model);
     built.model = std::move(model);

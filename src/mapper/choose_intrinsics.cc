@@ -36,10 +36,10 @@ std::set<camera_t> CamerasWith(const std::function<bool(const Camera&)>& propert
                                int min_images = kMinImages) {
   std::map<camera_t, int> num_images;
   for (const auto& [id, image] : model.images) ++num_images[image.image.camera_id];
+  const std::set<camera_t> constant = context.ConstantCameras();
   std::set<camera_t> cameras;
   for (const auto& [id, num] : num_images) {
-    if (num >= min_images && context.scene.constant_cameras.count(id) == 0 &&
-        property(model.cameras.at(id))) {
+    if (num >= min_images && !constant.contains(id) && property(model.cameras.at(id))) {
       cameras.insert(id);
     }
   }

@@ -94,9 +94,19 @@ std::vector<image_t> NotTaken(const StageContext& context, std::span<const image
   return rest;
 }
 
+// Cameras of so many images of a model are known by it in the smaller ones, where a few photographs
+// hardly tell the focal length.
+constexpr int kMinImagesOfFound = 8;
+
 // Keeps a finished model, with its warnings.
 void TakeIn(StageContext& context, BuiltModel built, SceneModels& result) {
-  for (const auto& [id, image] : built.model->images) context.taken.insert(id);
+  std::map<camera_t, int> num_images;
+  for (const auto& [id, image] : built.model->images) {
+    context.taken.insert(id);
+    const camera_t camera_id = image.image.camera_id;
+    if (++num_images[camera_id] < kMinImagesOfFound) continue;
+    context.found_cameras.try_emplace(camera_id, built.model->cameras.at(camera_id));
+  }
   std::vector<ResultWarning> warnings = std::move(built.warnings);
   if (!context.scene.poses_alone) {
     result.explained_shares.push_back(built.evidence.inside.Share());

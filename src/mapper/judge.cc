@@ -60,8 +60,7 @@ std::vector<VerifiedPair> PairsOf(const StageContext& context, const ViewGraph& 
 
 ModelEvidence EvidenceFor(const StageContext& context, const Reconstruction& model,
                           const ViewGraph& graph) {
-  return EvaluateEvidence(model, PairsOf(context, graph), context.run,
-                          context.scene.constant_cameras);
+  return EvaluateEvidence(model, PairsOf(context, graph), context.run, context.ConstantCameras());
 }
 
 Agreement AgreementFor(const StageContext& context, const Reconstruction& model,

@@ -65,10 +65,10 @@ ResectionReport Resect(const StageContext& context, const Correspondences& corre
   // A camera that the model has already is known; one that only a guess describes is not.
   const auto known = model.cameras.find(image.camera_id);
   const Camera& camera =
-      known != model.cameras.end() ? known->second : context.scene.cameras.at(image.camera_id);
+      known != model.cameras.end() ? known->second : context.KnownCameraOf(image_id);
   const bool is_guess = known == model.cameras.end() && !camera.has_prior_focal_length &&
                         !camera.FocalIndices().empty() &&
-                        !context.scene.constant_cameras.contains(image.camera_id);
+                        !context.ConstantCameras().contains(image.camera_id);
   std::vector<Eigen::Vector2d> pixels;
   std::vector<Eigen::Vector3d> xyz;
   for (size_t i = 0; i < correspondences.points.size(); ++i) {

@@ -72,6 +72,20 @@ struct StageContext {
   std::set<image_t> reserved{};
   double min_angle_deg = TriangulationOptions().min_angle_deg;  // of points, see TrackAngles
   bool has_mostly_parallel_rays = false;
+  // Cameras with the intrinsics that larger models of this run found for them.
+  std::map<camera_t, Camera> found_cameras{};
+
+  // Cameras whose intrinsics are not refined.
+  std::set<camera_t> ConstantCameras() const {
+    std::set<camera_t> cameras = scene.constant_cameras;
+    for (const auto& [id, camera] : found_cameras) cameras.insert(id);
+    return cameras;
+  }
+  // As it is best known before there is a model.
+  const Camera& KnownCameraOf(image_t id) const {
+    const auto found = found_cameras.find(scene.CameraIdOf(id));
+    return found != found_cameras.end() ? found->second : scene.CameraOf(id);
+  }
 };
 
 // A stage of one model.

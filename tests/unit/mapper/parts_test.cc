@@ -104,6 +104,22 @@ TEST(Parts, AFewImagesThatACameraJoinsAreNoModel) {
   EXPECT_EQ(result.models[0].images.size(), 8u);
 }
 
+// Of one camera whose focal length is a guess: the smaller model alone finds another.
+TEST(Parts, SmallModelsHaveTheIntrinsicsOfTheLargest) {
+  const Database first = Place(12, 6, 1), second = Place(8, 6, 1);
+  Database both = Together({&first, &second});
+  for (Image image : both.ReadImages()) {
+    image.camera_id = 1001;
+    both.WriteImage(image);
+  }
+  const ReconstructResult result = Reconstruct(both);
+  ASSERT_EQ(result.models.size(), 2u);
+  EXPECT_EQ(result.models[0].images.size(), 12u);
+  EXPECT_EQ(result.models[1].images.size(), 8u);
+  EXPECT_EQ(result.models[1].cameras.begin()->second.params,
+            result.models[0].cameras.begin()->second.params);
+}
+
 TEST(Parts, OneThatFailsIsAWarning) {
   const Database first = Place(8, 6);
   Database second = Place(6, 5);
