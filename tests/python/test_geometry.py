@@ -52,6 +52,8 @@ def test_camera_projects_as_the_model_says():
     assert camera.model == "SIMPLE_RADIAL" and camera.focal_length == 500
     camera.focal_length = 600
     np.testing.assert_array_equal(camera.params, [600, 320, 240, 0.1])
+    with pytest.raises(ValueError):  # of a copy: params have to be assigned as a whole
+        camera.params[0] = 700
     np.testing.assert_array_equal(camera.calibration_matrix(), [[600, 0, 320], [0, 600, 240], [0, 0, 1]])
     np.testing.assert_array_equal(cairn.Camera.create(1, "PINHOLE", 700, 100, 50).params, [700, 700, 50, 25])
 

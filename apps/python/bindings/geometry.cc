@@ -198,8 +198,9 @@ void BindCamera(py::module_& m) {
       .def_property(
           "params",
           [](const Camera& c) {
-            return Eigen::VectorXd(
-                Eigen::VectorXd::Map(c.params.data(), static_cast<Eigen::Index>(c.params.size())));
+            py::array_t<double> params(static_cast<py::ssize_t>(c.params.size()), c.params.data());
+            params.attr("setflags")(py::arg("write") = false);  // it would change the copy alone
+            return params;
           },
           [](Camera& camera, const std::vector<double>& params) {
             ChangeCamera(camera, [&](Camera& c) { c.params = params; });
