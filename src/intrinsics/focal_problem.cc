@@ -314,8 +314,10 @@ void FocalProblem::RefineByMatches(int num_threads, State& x) const {
   for (const FocalTerm& term : terms_) {
     const Local local = LocalOf(term, x);
     state.terms.emplace_back(term.points, term.fit, term.principal_point_sigmas, local);
-    const double known = EquationsAt(term, local).Covariance().trace();
-    state.terms.back().Doubt(1 + 2 * kModelSigma * kModelSigma / known);
+    // What is doubtful of F beside its noise, is so of the matches' costs.
+    const KruppaEquations equations = EquationsAt(term, local);
+    state.terms.back().Doubt(Covariance(term, equations).trace() /
+                             equations.CovarianceOfNoise().trace());
     squared_errors.push_back(state.terms.back().Reduce(local).cost);
   }
   const double excess = Excess(std::move(squared_errors));

@@ -46,6 +46,7 @@ bool SetCovariance(const PointPairs& points, FundamentalFit* fit) {
     if (!SolvePositive<kDof>(H, variance * Vector::Unit(k), &column)) return false;
     fit->covariance.col(k) = column;
   }
+  fit->covariance_of_noise = fit->covariance;
   for (int k = 0; k < kGroups; ++k) {
     Vector shift;
     if (!SolvePositive<kDof>(H - groups[k].hessian, groups[k].gradient, &shift)) return false;

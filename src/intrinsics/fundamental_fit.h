@@ -14,6 +14,7 @@ inline constexpr double kMinSigmaPx = 0.05;  // of matches: no detector is more 
 
 struct FundamentalFit : FundamentalFactors {
   Eigen::Matrix<double, kDof, kDof> covariance;  // of the steps in its seven directions
+  Eigen::Matrix<double, kDof, kDof> covariance_of_noise;  // the part of it that noise explains
   double sigma_px = 0;                           // of the matches, by their median error
 };
 

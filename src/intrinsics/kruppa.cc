@@ -23,7 +23,7 @@ Eigen::Matrix<double, 2, 4> KruppaEquations::ByPrincipalPoints() const {
   return by;
 }
 
-Eigen::Matrix2d KruppaEquations::Covariance() const {
+Eigen::Matrix<double, 2, FundamentalFit::kDof> KruppaEquations::ByFit() const {
   Eigen::Matrix<double, 2, FundamentalFit::kDof> by_fit;
   for (int k = 0; k < 2; ++k) {
     by_fit.col(k) = By2(side2_.ByRotation(fit_.U, k));
@@ -32,7 +32,17 @@ Eigen::Matrix2d KruppaEquations::Covariance() const {
   for (int k = 0; k < 3; ++k) {
     by_fit.col(4 + k) = split_.Change(side2_.L.transpose() * fit_.Direction(k) * side1_.L);
   }
+  return by_fit;
+}
+
+Eigen::Matrix2d KruppaEquations::Covariance() const {
+  const auto by_fit = ByFit();
   return by_fit * fit_.covariance * by_fit.transpose();
+}
+
+Eigen::Matrix2d KruppaEquations::CovarianceOfNoise() const {
+  const auto by_fit = ByFit();
+  return by_fit * fit_.covariance_of_noise * by_fit.transpose();
 }
 
 // K K^T = diag(a^2, a^2, 0) + center center^T.

@@ -21,8 +21,9 @@ class KruppaEquations {
 
   Eigen::Vector2d Residual() const { return split_.Value(); }
   Eigen::Matrix<double, 2, 4> ByPrincipalPoints() const;
-  // Of the residual, for that of F.
+  // Of the residual, for that of F; and its part that is the noise's.
   Eigen::Matrix2d Covariance() const;
+  Eigen::Matrix2d CovarianceOfNoise() const;
 
  private:
   // One camera's side: C = basis^T K K^T basis and its Cholesky factor.
@@ -47,6 +48,8 @@ class KruppaEquations {
     Eigen::Vector2d Change(const Eigen::Matrix2d& dM) const;
     Eigen::Vector2d p, q;
   };
+  // Changes of the residual with the steps of F.
+  Eigen::Matrix<double, 2, FundamentalFit::kDof> ByFit() const;
   // Changes of the residual with a side's L.
   Eigen::Vector2d By1(const Eigen::Matrix2d& dL) const {
     return split_.Change(side2_.L.transpose() * fit_.B * dL);
