@@ -1,15 +1,18 @@
 #include <functional>
+#include <limits>
 #include <map>
 #include <memory>
 #include <mutex>
 #include <thread>
 
 #include "base/hash.h"
+#include "base/memory.h"
 #include "base/work_queue.h"
 #include "cairn/base/error.h"
 #include "cairn/base/parallel.h"
 #include "cairn/pipeline/build_pipeline.h"
 #include "features/plane_memory.h"
+#include "pipeline/machines/memory_gate.h"
 #include "pipeline/machines/messages.h"
 
 namespace cairn {
@@ -93,6 +96,19 @@ std::string Extract(const PhotoTask& task, const FeatureOptions& options) {
   return ToBytes(result);
 }
 
+// What this machine can still allocate; no limit where that is unknown.
+int64_t AvailableBytes() {
+  const int64_t available = ReadMemoryUse().available;
+  return available < 0 ? std::numeric_limits<int64_t>::max() : available;
+}
+
+// The way of features: planes that wait for the next photograph, and no more photographs at a time
+// than there is memory for.
+struct Extraction {
+  PlaneReuse reuse;
+  MemoryGate memory{AvailableBytes()};
+};
+
 // What one helper has: the setup, and images for pairs to come.
 class Helper {
  public:
@@ -158,9 +174,9 @@ class Helper {
     }
     const auto kind = source.Get<TaskKind>();
     if (kind != TaskKind::kExtract) {
-      reuse_.reset();
-    } else if (!reuse_) {
-      reuse_.emplace();
+      extraction_.reset();
+    } else if (!extraction_) {
+      extraction_ = std::make_shared<Extraction>();
     }
     for (const image_t id : source.Get<std::vector<image_t>>()) images_.erase(id);
     for (auto num = source.Get<int64_t>(); num > 0; --num) {
@@ -172,7 +188,9 @@ class Helper {
 
   TaskThreads::Task MakeTask(TaskKind kind, ByteSource& source) const {
     if (kind == TaskKind::kExtract) {
-      return [task = source.Get<PhotoTask>(), &options = setup_.features](TaskVerifier&) {
+      return [task = source.Get<PhotoTask>(), &options = setup_.features,
+              extraction = extraction_](TaskVerifier&) {
+        const MemoryGate::Pass pass(extraction->memory, ExtractionBytes(task.camera_size, options));
         return Extract(task, options);
       };
     }
@@ -198,8 +216,8 @@ class Helper {
   Peers& peers_;
   HelperSetup setup_;
   std::map<image_t, std::shared_ptr<const PairImage>> images_;
-  std::optional<PlaneReuse> reuse_;
-  std::unique_ptr<TaskThreads> threads_;  // last: its tasks use the rest
+  std::shared_ptr<Extraction> extraction_;  // while photographs come
+  std::unique_ptr<TaskThreads> threads_;    // last: its tasks use the rest
 };
 
 }  // namespace

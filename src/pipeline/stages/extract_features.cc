@@ -67,26 +67,22 @@ void WriteFailure(Database& database, const std::string& folder, const FeatureIt
   database.DeleteImage(item.image.image_id);
 }
 
-// Threads for whose photographs there is memory: scale spaces of the largest ones side by side.
+// Threads for whose photographs there is memory: the largest ones side by side.
 int NumExtractingThreads(const FeatureOptions& options, const std::vector<FeatureItem>& items,
                          const RunContext& run) {
-  // Most of it is the doubled octave, of four times as many pixels.
-  const double bytes_per_px = options.first_octave < 0 ? 120 : 40;
-  double most_px = 1;
+  int64_t most_bytes = 1;
   for (const FeatureItem& item : items) {
-    const double width = item.camera_size.width, height = item.camera_size.height;
-    const double scale = std::min(1.0, options.max_image_size / std::max({1.0, width, height}));
-    most_px = std::max(most_px, width * height * scale * scale);
+    most_bytes = std::max(most_bytes, ExtractionBytes(item.camera_size, options));
   }
   const int num_threads = EffectiveNumThreads(run.num_threads);
   const int64_t available = ReadMemoryUse().available;
   if (available < 0) return num_threads;
-  const double num = std::clamp(available / (bytes_per_px * most_px), 1.0, 1.0 * num_threads);
+  const auto num = static_cast<int>(std::clamp<int64_t>(available / most_bytes, 1, num_threads));
   if (num < num_threads) {
-    run.monitor.Info(Formatted("features by %d of %d threads: there is no memory for more",
-                               static_cast<int>(num), num_threads));
+    run.monitor.Info(
+        Formatted("features by %d of %d threads: there is no memory for more", num, num_threads));
   }
-  return static_cast<int>(num);
+  return num;
 }
 
 // Extracts the features of all items, here and by helpers.

@@ -62,6 +62,14 @@ Features ExtractPhoto(const PhotoPaths& photo, const ImageSize& camera_size,
   return ExtractFeatures(bitmap, options, mask ? &*mask : nullptr);
 }
 
+int64_t ExtractionBytes(const ImageSize& camera_size, const FeatureOptions& options) {
+  // Most of it is the doubled octave, of four times as many pixels.
+  const double bytes_per_px = options.first_octave < 0 ? 120 : 40;
+  const double width = camera_size.width, height = camera_size.height;
+  const double scale = std::min(1.0, options.max_image_size / std::max({1.0, width, height}));
+  return static_cast<int64_t>(bytes_per_px * width * height * scale * scale);
+}
+
 uint64_t FeatureInputHash(uint64_t file_hash, const std::string& mask_path) {
   if (mask_path.empty()) return file_hash;
   return Hasher().Add(file_hash).Add(HashFile(mask_path)).Digest();

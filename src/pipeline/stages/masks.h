@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <map>
 #include <string>
 
@@ -19,6 +20,8 @@ struct PhotoPaths {
 // ConfigError where its mask has not.
 Features ExtractPhoto(const PhotoPaths& photo, const ImageSize& camera_size,
                       const FeatureOptions& options);
+// Memory that this takes, about.
+int64_t ExtractionBytes(const ImageSize& camera_size, const FeatureOptions& options);
 
 // What the features of an image are made from.
 struct FeatureInput {

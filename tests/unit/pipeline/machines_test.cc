@@ -1,4 +1,5 @@
 // A job of several ranks, each a thread of the test.
+#include <atomic>
 #include <chrono>
 #include <condition_variable>
 #include <deque>
@@ -9,6 +10,7 @@
 
 #include "cairn/base/error.h"
 #include "pipeline/machines/batch.h"
+#include "pipeline/machines/memory_gate.h"
 #include "support/test.h"
 #include "support/thrown_message.h"
 #include "unit/pipeline/wall_fixture.h"
@@ -223,6 +225,32 @@ T Received(const T& sent) {
   T received = source.Get<T>();
   EXPECT_TRUE(source.IsAtEnd());
   return received;
+}
+
+TEST(MemoryGate, LetsInWhatThereIsMemoryFor) {
+  struct Case {
+    int64_t max_bytes, num_bytes;
+    int most_at_once;
+  };
+  for (const auto& [max_bytes, num_bytes, most_at_once] :
+       {Case{100, 40, 2}, Case{100, 1000, 1}, Case{0, 1000, 1}}) {
+    MemoryGate gate(max_bytes);
+    std::atomic<int> num_inside = 0, most = 0;
+    {
+      std::vector<std::jthread> threads;
+      for (int i = 0; i < 8; ++i) {
+        threads.emplace_back([&, bytes = num_bytes] {
+          const MemoryGate::Pass pass(gate, bytes);
+          const int now = ++num_inside;
+          for (int seen = most; seen < now && !most.compare_exchange_weak(seen, now);) {
+          }
+          std::this_thread::sleep_for(std::chrono::milliseconds(5));
+          --num_inside;
+        });
+      }
+    }
+    EXPECT_EQ(most, most_at_once);
+  }
 }
 
 TEST(MachineMessages, OptionsArriveAsTheyWere) {
