@@ -4,6 +4,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <opencv2/imgproc.hpp>
 
 #include "cairn/base/check.h"
@@ -38,11 +39,46 @@ Camera AtResolutionOf(const Camera& source, const Camera& target) {
   return ResizedPinhole(target, enlarge(target.width, factor), enlarge(target.height, factor));
 }
 
-// ShownPixel of a target pixel, counted as OpenCV does (the center of the top-left pixel is 0);
-// nullopt beyond the border.
-std::optional<cv::Vec2f> SourcePosition(const Camera& source, const Camera& target, int x, int y,
-                                        Resampling resampling) {
-  const auto pixel = ShownPixel({x + 0.5, y + 0.5}, source, target);
+// A camera, and how far off its axis (the tangent of the angle) its distortion folds the image
+// over: what is farther off, some models show once more.
+struct SourceCamera {
+  Camera camera;
+  double fold;
+};
+
+// Where the source shows a ray; nullopt where its distortion turns the image over.
+std::optional<Eigen::Vector2d> PixelBeforeFold(const Camera& source, const Eigen::Vector2d& uv) {
+  Eigen::Matrix<double, 2, 3> J;
+  const auto pixel = source.ImgFromRay(uv.homogeneous(), &J);
+  if (!pixel || !(J.leftCols<2>().determinant() > 0)) return std::nullopt;
+  return pixel;
+}
+
+// The source of an image of the target. (Lenses are smooth: so many samples show a fold.)
+SourceCamera FindFold(const Camera& source, const Camera& target) {
+  constexpr int kNumSamples = 256;
+  double farthest = 0;
+  for (const int x : {0, target.width}) {
+    for (const int y : {0, target.height}) {
+      const auto uv = target.CamFromImg(Eigen::Vector2d(x, y));
+      if (uv) farthest = std::max(farthest, uv->norm());
+    }
+  }
+  for (int k = 1; k <= kNumSamples; ++k) {
+    const double radius = farthest * k / kNumSamples;
+    if (!PixelBeforeFold(source, {radius, 0})) return {source, radius};
+  }
+  return {source, std::numeric_limits<double>::infinity()};
+}
+
+// Where the source shows the ray of a target pixel, counted as OpenCV does (the center of the
+// top-left pixel is 0); nullopt beyond the border, and beyond a fold.
+std::optional<cv::Vec2f> SourcePosition(const SourceCamera& from, const Camera& target, int x,
+                                        int y, Resampling resampling) {
+  const Camera& source = from.camera;
+  const auto uv = target.CamFromImg({x + 0.5, y + 0.5});
+  if (!uv || uv->norm() > from.fold) return std::nullopt;
+  const auto pixel = PixelBeforeFold(source, *uv);
   if (!pixel) return std::nullopt;
   const bool is_inside = pixel->x() >= 0 && pixel->x() <= source.width && pixel->y() >= 0 &&
                          pixel->y() <= source.height;
@@ -57,7 +93,7 @@ struct Band {
   cv::Mat rows;
 };
 
-void ResampleBand(const cv::Mat& in, const Camera& source, const Camera& target,
+void ResampleBand(const cv::Mat& in, const SourceCamera& source, const Camera& target,
                   Resampling resampling, const Band& band) {
   cv::Mat out = band.rows;
   cv::Mat map(out.rows, out.cols, CV_32FC2), blank(out.rows, out.cols, CV_8UC1, cv::Scalar(0));
@@ -127,8 +163,9 @@ Bitmap ResampleBitmap(const Bitmap& bitmap, const Camera& source, const Camera& 
   PrepareOpenCv();
   try {
     Bitmap out = Blank(fine.width, fine.height, bitmap.channels);
+    const SourceCamera from = FindFold(source, fine);
     for (int y = 0; y < fine.height; y += kBandRows) {
-      ResampleBand(View(bitmap), source, fine, resampling,
+      ResampleBand(View(bitmap), from, fine, resampling,
                    {y, View(out).rowRange(y, std::min(y + kBandRows, fine.height))});
     }
     if (fine.width == target.width && fine.height == target.height) return out;
@@ -149,11 +186,7 @@ std::optional<Eigen::Vector2d> ResamplePixel(const Eigen::Vector2d& pixel, const
 std::optional<Eigen::Vector2d> ShownPixel(const Eigen::Vector2d& pixel, const Camera& source,
                                           const Camera& target) {
   const auto uv = target.CamFromImg(pixel);
-  if (!uv) return std::nullopt;
-  Eigen::Matrix<double, 2, 3> J;
-  const auto shown = source.ImgFromRay(uv->homogeneous(), &J);
-  if (!shown || !(J.leftCols<2>().determinant() > 0)) return std::nullopt;
-  return shown;
+  return uv ? PixelBeforeFold(source, *uv) : std::nullopt;
 }
 
 }  // namespace cairn

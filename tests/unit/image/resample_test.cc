@@ -179,6 +179,18 @@ TEST(ResampleBitmap, DistortionThatFoldsIsBlack) {
   const Bitmap out = ResampleBitmap(white, camera, target);
   EXPECT_EQ(*out.Pixel(200, 200), 255);
   EXPECT_EQ(*out.Pixel(200 + 155, 200), 0);  // 1.55: 1 - 0.4 * 1.55^2 = 0.04
+  EXPECT_EQ(*out.Pixel(200 + 165, 200), 0);  // 1 - 0.4 * 1.65^2 = -0.09: on the other side
+}
+
+// The radius shrinks from a tangent of 1 to one of 1.41, and then grows again.
+TEST(ResampleBitmap, BeyondAFoldNothingIsSeenAgain) {
+  const Bitmap white{120, 90, 1, std::vector<uint8_t>(120 * 90, 255)};
+  const Camera camera = MakeCamera(CameraModel::kRadial, {100, 60, 45, -0.5, 0.1});
+  Camera target = MakeCamera(CameraModel::kPinhole, {100, 100, 200, 200});
+  target.width = target.height = 400;
+  const Bitmap out = ResampleBitmap(white, camera, target);
+  EXPECT_EQ(*out.Pixel(200 + 90, 200), 255);
+  for (int x = 102; x < 200; ++x) EXPECT_EQ(*out.Pixel(200 + x, 200), 0) << x;
 }
 
 TEST(ResampleBitmap, RefusesABitmapOfAnotherSize) {
