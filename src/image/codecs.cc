@@ -71,6 +71,22 @@ void PrepareCodecs() {
   }();
 }
 
+int NumBits(double largest) {
+  return std::max(8, static_cast<int>(std::bit_width(static_cast<unsigned>(largest))));
+}
+
+// Thermal cameras write temperatures, in a narrow range far above 0. Where fewer bits hold what
+// values are more than the least one, that much of them. (Masks may be white all over.)
+cv::Mat AboveLeast(const cv::Mat& image) {
+  if (image.depth() != CV_16U) return image;
+  double least = 0, largest = 0;
+  cv::minMaxIdx(image.reshape(1), &least, &largest);
+  if (least == largest || NumBits(largest - least) == NumBits(largest)) return image;
+  cv::Mat above;
+  cv::subtract(image, cv::Scalar::all(least), above);
+  return above;
+}
+
 // Cameras of 10 to 14 bits leave the upper bits of 16 empty: of those that an image uses, the eight
 // uppermost.
 cv::Mat EightBits(const std::string& path, const cv::Mat& image) {
@@ -78,8 +94,7 @@ cv::Mat EightBits(const std::string& path, const cv::Mat& image) {
   if (image.depth() != CV_16U) throw IoError(path, "cannot be decoded: not of 8 or 16 bits");
   double largest = 0;
   cv::minMaxIdx(image.reshape(1), nullptr, &largest);
-  const int num_bits =
-      std::max(8, static_cast<int>(std::bit_width(static_cast<unsigned>(largest))));
+  const int num_bits = NumBits(largest);
   cv::Mat shifted;
   cv::bitwise_and(image, cv::Scalar::all((1 << num_bits) - (1 << (num_bits - 8))), shifted);
   shifted.convertTo(shifted, CV_8U, std::ldexp(1.0, 8 - num_bits));
@@ -123,7 +138,7 @@ Bitmap DecodeImage(const std::string& path, std::string_view bytes, BitmapColor 
   if (reduction == 4) flags |= cv::IMREAD_REDUCED_GRAYSCALE_4;
   if (reduction == 8) flags |= cv::IMREAD_REDUCED_GRAYSCALE_8;
   flags |= cv::IMREAD_IGNORE_ORIENTATION | cv::IMREAD_ANYDEPTH;
-  const cv::Mat image = EightBits(path, DecodeToMat(path, bytes, flags));
+  const cv::Mat image = EightBits(path, AboveLeast(DecodeToMat(path, bytes, flags)));
   Bitmap bitmap{image.cols, image.rows, image.channels(), {}};
   bitmap.data.resize(image.total() * image.channels());
   SwapRedBlue(image, View(bitmap));

@@ -247,6 +247,27 @@ TEST(Bitmap, OfSixteenBitsTheUppermostInUseAreRead) {
   EXPECT_THAT(ReasonOf(folder / "a.tif"), HasSubstr("not of 8 or 16 bits"));
 }
 
+// Of 29000 to 29000 + 8 * 255 hundredths of a degree, fewer than 16 gray levels would be left.
+TEST(Bitmap, OfANarrowRangeFarAboveZeroEveryBitIsRead) {
+  const TempFolder folder;
+  Bitmap bitmap = MakeBitmap(37, 23, 1);
+  bitmap.data.front() = 0;
+  for (const int channels : {1, 3}) {
+    cv::Mat wide(23, 37, CV_16UC(channels));
+    for (int i = 0; i < 23 * 37; ++i) {
+      for (int c = 0; c < channels; ++c) {
+        wide.ptr<uint16_t>(i / 37, i % 37)[c] = static_cast<uint16_t>(29000 + 8 * bitmap.data[i]);
+      }
+    }
+    cv::imwrite(folder / "a.png", wide);
+    EXPECT_EQ(ReadBitmap(folder / "a.png", BitmapColor::kGray).data, bitmap.data) << channels;
+    EXPECT_EQ(*ReadBitmap(folder / "a.png", BitmapColor::kRgb).Pixel(3, 4), *bitmap.Pixel(3, 4));
+  }
+  cv::imwrite(folder / "mask.png", cv::Mat(23, 37, CV_16U, cv::Scalar(65535)));
+  EXPECT_EQ(ReadBitmap(folder / "mask.png", BitmapColor::kGray).data,
+            std::vector<uint8_t>(23 * 37, 255));
+}
+
 TEST(Bitmap, OpacityIsReadWhereThereIsOne) {
   const TempFolder folder;
   cv::Mat image(23, 37, CV_8UC4, cv::Scalar(10, 20, 30, 255));
