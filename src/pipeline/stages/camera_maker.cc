@@ -66,7 +66,9 @@ std::map<camera_t, ImageSize> CameraSizes(const Database& database) {
     sizes[camera.camera_id] = {camera.width, camera.height};
   }
   for (const UnknownCamera& camera : database.ReadUnknownCameras()) {
-    sizes[camera.camera_id] = {camera.width, camera.height};
+    if (camera.width > 0 && camera.height > 0) {
+      sizes[camera.camera_id] = {camera.width, camera.height};
+    }
   }
   return sizes;
 }

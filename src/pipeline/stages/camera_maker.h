@@ -34,7 +34,7 @@ struct Photo {
 // that the next run tries it.
 PhotoRecord FailedPhoto(const std::string& folder, PhotoRecord photo);
 
-// The size of the photographs of each camera, those of unknown models included.
+// The size of the photographs of each camera, those of unknown models included, if they have one.
 std::map<camera_t, ImageSize> CameraSizes(const Database& database);
 
 // Throws ConfigError when camera_params do not fit camera_model, or both ways to share are asked

@@ -67,7 +67,7 @@ std::vector<DepthItem> FindWork(const Database& database, const std::string& ima
                                 const DepthSource& source, const StageLedger& ledger,
                                 Stage& stage) {
   const uint64_t source_hash = source.depth_model.empty() ? 0 : HashFile(source.depth_model);
-  std::map<camera_t, ImageSize> sizes = CameraSizes(database);
+  const std::map<camera_t, ImageSize> sizes = CameraSizes(database);
   const std::map<image_t, int> num_keypoints = database.ReadNumKeypoints();
   const std::map<image_t, int> num_samples = database.ReadNumDepthSamples();
   std::vector<DepthItem> work;
@@ -75,9 +75,15 @@ std::vector<DepthItem> FindWork(const Database& database, const std::string& ima
     if (!num_keypoints.contains(image.image_id)) continue;
     const JobRecord* job = ledger.Find(image.image_id);
     if (job == nullptr && num_samples.contains(image.image_id)) continue;  // Given.
+    const auto size = sizes.find(image.camera_id);
+    if (size == sizes.end()) {
+      stage.Warn(image.name + ": the database has no usable camera " +
+                 std::to_string(image.camera_id) + "; it has no depth");
+      continue;
+    }
     DepthItem item;
     item.image = image;
-    item.size = sizes[image.camera_id];
+    item.size = size->second;
     FindFile(image_path, source, item);
     if (!item.error.empty() && num_samples.contains(image.image_id)) continue;  // They stay.
     try {

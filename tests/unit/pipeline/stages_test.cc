@@ -9,6 +9,7 @@
 #include "database/stage_names.h"
 #include "pipeline/pairs/exhaustive.h"
 #include "pipeline/stages/stage_ledger.h"
+#include "support/database_dump.h"
 #include "support/test.h"
 #include "support/test_monitor.h"
 #include "support/thrown_message.h"
@@ -274,6 +275,20 @@ TEST_F(StagesTest, DepthMapsOfAnotherShapeAreRefused) {
   EXPECT_THAT(monitor.warnings(), ElementsAre(HasSubstr("it is transposed; it has no depth"),
                                               HasSubstr("a map of 1 x 1 values has no gradient"),
                                               "no depth for 2 photos"));
+  EXPECT_EQ(database_.ReadNumDepthSamples().size(), 2u);
+}
+
+// Rows that other programs wrote or deleted: no camera, and one of an unknown model without a size.
+TEST_F(StagesTest, AnImageWithoutAUsableCameraHasNoDepth) {
+  Extract();
+  for (int i = 0; i < 4; ++i) AddDepth(i);
+  RunSql(database_.path(), "UPDATE images SET camera_id = 70 + image_id WHERE image_id < 3");
+  RunSql(database_.path(), "INSERT INTO cameras VALUES (72, 99, 0, 0, zeroblob(8), 0)");
+  TestMonitor monitor;
+  Depth(monitor);
+  EXPECT_THAT(monitor.warnings(),
+              AllOf(Contains("photo0.png: the database has no usable camera 71; it has no depth"),
+                    Contains("photo1.png: the database has no usable camera 72; it has no depth")));
   EXPECT_EQ(database_.ReadNumDepthSamples().size(), 2u);
 }
 
