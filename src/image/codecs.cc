@@ -147,7 +147,7 @@ Bitmap DecodeImage(const std::string& path, std::string_view bytes, BitmapColor 
 
 bool MayHaveOpacity(std::string_view bytes) {
   if (bytes.size() < 26) return false;
-  if (bytes.starts_with("\x89PNG")) return bytes[25] == 4 || bytes[25] == 6;
+  if (bytes.starts_with("\x89PNG")) return bytes[25] == 3 || bytes[25] == 4 || bytes[25] == 6;
   if (!bytes.starts_with("RIFF") || bytes.substr(8, 4) != "WEBP") return false;
   return bytes.substr(12, 4) == "VP8L" || (bytes.substr(12, 4) == "VP8X" && (bytes[20] & 16) != 0);
 }

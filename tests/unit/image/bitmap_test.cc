@@ -286,6 +286,23 @@ TEST(Bitmap, OpacityIsReadWhereThereIsOne) {
   }
 }
 
+// As programs that make PNG files small write photographs with a transparent background.
+TEST(Bitmap, OpacityOfAPaletteIsRead) {
+  // Two pixels of a palette of two gray levels, the first one transparent.
+  constexpr uint8_t kPng[] = {
+      137, 80,  78,  71,  13,  10,  26,  10,  0,  0,   0,   13,  73,  72,  68, 82,  0,  0,  0,  2,
+      0,   0,   0,   1,   8,   3,   0,   0,   0,  195, 252, 143, 184, 0,   0,  0,   6,  80, 76, 84,
+      69,  9,   9,   9,   200, 200, 200, 251, 80, 21,  192, 0,   0,   0,   1,  116, 82, 78, 83, 0,
+      64,  230, 216, 102, 0,   0,   0,   11,  73, 68,  65,  84,  120, 156, 99, 96,  96, 4,  0,  0,
+      4,   0,   2,   191, 122, 63,  74,  0,   0,  0,   0,   73,  69,  78,  68, 174, 66, 96, 130};
+  const TempFolder folder;
+  WriteFileAtomically(folder / "a.png", {reinterpret_cast<const char*>(kPng), sizeof(kPng)});
+  const auto opacity = ReadOpacity(folder / "a.png");
+  ASSERT_TRUE(opacity);
+  EXPECT_THAT(opacity->data, ElementsAre(0, 255));
+  EXPECT_THAT(ReadBitmap(folder / "a.png", BitmapColor::kGray).data, ElementsAre(9, 200));
+}
+
 // OpenCV decodes more formats than are read, by libraries that are not for files of strangers.
 TEST(Bitmap, OtherFormatsDoNotReachTheirDecoders) {
   const TempFolder folder;
