@@ -4,24 +4,12 @@
 
 #include <algorithm>
 #include <cstdlib>
-#include <filesystem>
 #include <new>
-#include <sstream>
 
-#include "cairn/base/error.h"
-#include "cairn/base/file.h"
+#include "base/control_groups.h"
 
 namespace cairn {
 namespace {
-
-// "" if there is no such file.
-std::string ReadIfThere(const std::string& path) {
-  try {
-    return ReadFile(path);
-  } catch (const IoError&) {
-    return "";
-  }
-}
 
 // The number after `key`, times `unit`; -1: there is none.
 int64_t NumberAfter(const std::string& text, const std::string& key, int64_t unit) {
@@ -34,8 +22,9 @@ int64_t NumberAfter(const std::string& text, const std::string& key, int64_t uni
 }
 
 // What a control group leaves this process; -1: it has no limit.
-int64_t LeftByGroup(const std::filesystem::path& folder, bool is_v1) {
-  const auto number_in = [&](const char* file) {
+int64_t LeftByGroup(const ControlGroup& group) {
+  const auto& [folder, is_v1] = group;
+  const auto number_in = [&folder = folder](const char* file) {
     return NumberAfter(ReadIfThere(folder / file), "", 1);
   };
   const int64_t limit = number_in(is_v1 ? "memory.limit_in_bytes" : "memory.max");
@@ -54,22 +43,6 @@ int64_t LeftByGroup(const std::filesystem::path& folder, bool is_v1) {
 // The lesser of two amounts; -1: without limit.
 int64_t Lesser(int64_t a, int64_t b) { return a < 0 ? b : b < 0 ? a : std::min(a, b); }
 
-// What the control groups that this process is in, and those around them, leave it.
-int64_t LeftByGroups(const std::string& root) {
-  int64_t least = -1;
-  std::istringstream lines(ReadIfThere(root + "/proc/self/cgroup"));
-  for (std::string line; std::getline(lines, line);) {  // number:controllers:group
-    const bool is_v1 = line.find(":memory:") != std::string::npos;
-    if (!is_v1 && !line.starts_with("0::")) continue;
-    const std::string mount = root + (is_v1 ? "/sys/fs/cgroup/memory" : "/sys/fs/cgroup");
-    std::filesystem::path group = mount + line.substr(line.find(':', line.find(':') + 1) + 1);
-    for (; group.native().size() >= mount.size(); group = group.parent_path()) {
-      least = Lesser(least, LeftByGroup(group, is_v1));
-    }
-  }
-  return least;
-}
-
 }  // namespace
 
 MemoryUse ReadMemoryUse(const std::string& root) {
@@ -77,8 +50,10 @@ MemoryUse ReadMemoryUse(const std::string& root) {
   const std::string status = ReadIfThere(root + "/proc/self/status");
   use.resident = NumberAfter(status, "VmRSS:", 1024);
   use.peak = NumberAfter(status, "VmHWM:", 1024);
-  use.available = Lesser(NumberAfter(ReadIfThere(root + "/proc/meminfo"), "MemAvailable:", 1024),
-                         LeftByGroups(root));
+  use.available = NumberAfter(ReadIfThere(root + "/proc/meminfo"), "MemAvailable:", 1024);
+  for (const ControlGroup& group : ControlGroups(root, "memory")) {
+    use.available = Lesser(use.available, LeftByGroup(group));
+  }
   return use;
 }
 

@@ -6,14 +6,15 @@
 #include <atomic>
 #include <exception>
 #include <mutex>
-#include <thread>
 
+#include "base/control_groups.h"
 #include "base/thread_pool.h"
 
 namespace cairn {
 
 int EffectiveNumThreads(int num_threads) {
-  if (num_threads <= 0) num_threads = static_cast<int>(std::thread::hardware_concurrency());
+  static const int num_processors = NumProcessors();
+  if (num_threads <= 0) num_threads = num_processors;
   num_threads = std::max(1, num_threads);
   return std::min(num_threads, ThreadPool::Get().Grow(num_threads - 1) + 1);
 }

@@ -2,8 +2,7 @@
 
 #include <unistd.h>
 
-#include <thread>
-
+#include "base/control_groups.h"
 #include "base/hash.h"
 
 namespace cairn {
@@ -11,7 +10,7 @@ namespace cairn {
 HelperHello HelperHello::OfThisProcess() {
   char host[256] = "";
   gethostname(host, sizeof(host) - 1);
-  return {HashFile("/proc/self/exe"), static_cast<int>(std::thread::hardware_concurrency()), host};
+  return {HashFile("/proc/self/exe"), NumProcessors(), host};
 }
 
 void VisitBytes(ByteSink& bytes, const Descriptors& descriptors) {

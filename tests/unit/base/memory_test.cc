@@ -1,8 +1,11 @@
 #include "base/memory.h"
 
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
+#include <thread>
 
+#include "base/control_groups.h"
 #include "support/temp_folder.h"
 #include "support/test.h"
 
@@ -77,6 +80,28 @@ TEST_F(MachineTest, WhatIsNoGroupIsLeftAlone) {
     Write("proc/self/cgroup", text);
     EXPECT_EQ(Available(), 102400) << text;
   }
+}
+
+TEST_F(MachineTest, HasTheProcessorsThatAGroupLeaves) {
+  const int all = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+  EXPECT_EQ(NumProcessors(folder_.path()), all);
+  Write("proc/self/cgroup", "0::/kubepods/pod7\n");
+  Write("sys/fs/cgroup/kubepods/pod7/cpu.max", "max 100000\n");
+  EXPECT_EQ(NumProcessors(folder_.path()), all);
+  Write("sys/fs/cgroup/kubepods/cpu.max", "150000 100000\n");
+  EXPECT_EQ(NumProcessors(folder_.path()), std::min(all, 2));
+  Write("sys/fs/cgroup/kubepods/pod7/cpu.max", "1000 100000\n");
+  EXPECT_EQ(NumProcessors(folder_.path()), 1);
+}
+
+TEST_F(MachineTest, HasTheProcessorsThatAGroupOfTheFirstVersionLeaves) {
+  const int all = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+  Write("proc/self/cgroup", "5:cpu,cpuacct:/docker/1234\n4:memory:/\n0::/\n");
+  Write("sys/fs/cgroup/cpu/cpu.cfs_quota_us", "-1\n");
+  Write("sys/fs/cgroup/cpu/cpu.cfs_period_us", "100000\n");
+  EXPECT_EQ(NumProcessors(folder_.path()), all);
+  Write("sys/fs/cgroup/cpu/cpu.cfs_quota_us", "100000\n");
+  EXPECT_EQ(NumProcessors(folder_.path()), 1);
 }
 
 }  // namespace
