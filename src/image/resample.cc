@@ -183,6 +183,10 @@ std::optional<Eigen::Vector2d> ResamplePixel(const Eigen::Vector2d& pixel, const
   return target.ImgFromRay(*ray);
 }
 
+bool FoldsWithin(const Camera& source, const Camera& target) {
+  return std::isfinite(FindFold(source, target).fold);
+}
+
 std::optional<Eigen::Vector2d> ShownPixel(const Eigen::Vector2d& pixel, const Camera& source,
                                           const Camera& target) {
   const auto uv = target.CamFromImg(pixel);

@@ -104,7 +104,11 @@ NormalEquations<EssentialTerm::kNumIntrinsics> EssentialTerm::Reduce(const Intri
     Eigen::Matrix<double, kDofOfE, 1> change;  // of E with the intrinsics, negative
     const Eigen::Matrix<double, kDofOfE, 1> cross =
         all.hessian.row(kDofOfE + k).head<kDofOfE>().transpose();
-    if (!SolvePositive<kDofOfE>(of_E, cross, &change)) return {};
+    if (!SolvePositive<kDofOfE>(of_E, cross, &change)) {  // The matches leave E open.
+      NormalEquations<kNumIntrinsics> open;
+      open.cost = reduced.cost;
+      return open;
+    }
     reduced.gradient[k] -= change.dot(all.gradient.head<kDofOfE>());
     reduced.hessian.row(k) -=
         change.transpose() * all.hessian.bottomLeftCorner<kNumIntrinsics, kDofOfE>().transpose();

@@ -166,7 +166,10 @@ FocalCalibrationReport CalibrateFocals(const std::map<camera_t, Camera>& cameras
   };
   std::vector<FocalTerm> terms;
   for (size_t i = 0; i < pairs.size(); ++i) {
-    if (!fits[i]) continue;
+    if (!fits[i]) {
+      points[i] = PointPairs();
+      continue;
+    }
     FocalTerm term;
     term.camera1 = use(pairs[i].camera_id1);
     term.camera2 = use(pairs[i].camera_id2);

@@ -310,16 +310,18 @@ void FocalProblem::RefineByMatches(int num_threads, State& x) const {
     int num_threads;
   };
   Problem::State state{x, {}};
-  std::vector<double> squared_errors;
   for (const FocalTerm& term : terms_) {
-    const Local local = LocalOf(term, x);
-    state.terms.emplace_back(term.points, term.fit, term.principal_point_sigmas, local);
-    // What is doubtful of F beside its noise, is so of the matches' costs.
-    const KruppaEquations equations = EquationsAt(term, local);
-    state.terms.back().Doubt(Covariance(term, equations).trace() /
-                             equations.CovarianceOfNoise().trace());
-    squared_errors.push_back(state.terms.back().Reduce(local).cost);
+    state.terms.emplace_back(term.points, term.fit, term.principal_point_sigmas, LocalOf(term, x));
   }
+  std::vector<double> squared_errors(terms_.size());
+  ParallelFor(num_threads, std::ssize(terms_), [&](int64_t i) {
+    const Local local = LocalOf(terms_[i], x);
+    // What is doubtful of F beside its noise, is so of the matches' costs.
+    const KruppaEquations equations = EquationsAt(terms_[i], local);
+    state.terms[i].Doubt(Covariance(terms_[i], equations).trace() /
+                         equations.CovarianceOfNoise().trace());
+    squared_errors[i] = state.terms[i].Reduce(local).cost;
+  });
   const double excess = Excess(std::move(squared_errors));
   for (EssentialTerm& term : state.terms) term.Doubt(excess);
   Problem problem{*this, num_threads};

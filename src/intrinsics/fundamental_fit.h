@@ -13,9 +13,9 @@ inline constexpr int kMinFundamentalMatches = 15;
 inline constexpr double kMinSigmaPx = 0.05;  // of matches: no detector is more exact
 
 struct FundamentalFit : FundamentalFactors {
-  Eigen::Matrix<double, kDof, kDof> covariance;  // of the steps in its seven directions
+  Eigen::Matrix<double, kDof, kDof> covariance;           // of the steps in its seven directions
   Eigen::Matrix<double, kDof, kDof> covariance_of_noise;  // the part of it that noise explains
-  double sigma_px = 0;                           // of the matches, by their median error
+  double sigma_px = 0;                                    // of the matches, by their median error
 };
 
 // Of the robust loss that belongs to this standard deviation.

@@ -109,8 +109,8 @@ BuiltModel BuildFrom(StageContext& context, std::span<const image_t> component,
   auto initial = AverageComponent(context, rotations.cam_from_world, built.graph);
   if (!initial) return built;
   Reconstruction model = MakeReconstruction(context.scene, initial->cam_from_world);
-  for (const auto& [id, image] : model.images) {
-    model.cameras.at(image.image.camera_id) = context.KnownCameraOf(id);
+  for (const camera_t id : context.FoundCamerasOf(model)) {
+    model.cameras.at(id) = context.found_cameras.at(id);
   }
   if (context.scene.poses_alone) {
     ReportAgreement(context, model);

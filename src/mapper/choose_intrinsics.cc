@@ -12,9 +12,6 @@
 namespace cairn {
 namespace {
 
-// In fewer photographs, a principal point is hardly told from their rotations, and moves with
-// chance.
-constexpr int kMinImages = 8;
 // What a gain must exceed, in standard errors, as a normal deviate: little, since lenses of one
 // parameter and principal points in the very center are rare. Photographs in a row may throw both
 // off, which Student's t allows for.
@@ -33,10 +30,10 @@ constexpr int kIterationsToLook = 4;
 // The cameras of so many images and more whose intrinsics are not constant.
 std::set<camera_t> CamerasWith(const std::function<bool(const Camera&)>& property,
                                const StageContext& context, const Reconstruction& model,
-                               int min_images = kMinImages) {
+                               int min_images = kEnoughToFind) {
   std::map<camera_t, int> num_images;
   for (const auto& [id, image] : model.images) ++num_images[image.image.camera_id];
-  const std::set<camera_t> constant = context.ConstantCameras();
+  const std::set<camera_t> constant = context.ConstantCameras(model);
   std::set<camera_t> cameras;
   for (const auto& [id, num] : num_images) {
     if (num >= min_images && !constant.contains(id) && property(model.cameras.at(id))) {
@@ -246,7 +243,7 @@ bool ChooseLensModels(StageContext& context, BuiltModel& best) {
 
 bool FreePrincipalPoints(StageContext& context, const ViewGraph& graph, bool is_earlier,
                          Reconstruction& model, std::vector<ResultWarning>& warnings) {
-  const auto centered = [&](bool may_be_freed, int min_images = kMinImages) {
+  const auto centered = [&](bool may_be_freed, int min_images = kEnoughToFind) {
     return CamerasWith(
         [&](const Camera& camera) {
           return IsCentered(camera) && MayBeFreed(context, camera) == may_be_freed;
@@ -259,7 +256,7 @@ bool FreePrincipalPoints(StageContext& context, const ViewGraph& graph, bool is_
       context.settings.reconstruct.refine_principal_points == PrincipalPointRefinement::kAll) {
     context.run.monitor.Info("principal points of " + std::to_string(num_small) +
                              " cameras stay at the image centers: fewer than " +
-                             std::to_string(kMinImages) + " photographs hardly tell them");
+                             std::to_string(kEnoughToFind) + " photographs hardly tell them");
   }
   auto taken = FindPrincipalPoints(context, graph, wanted, is_earlier ? kDecisiveDeviate : kChance,
                                    true, model);

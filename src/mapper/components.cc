@@ -94,19 +94,22 @@ std::vector<image_t> NotTaken(const StageContext& context, std::span<const image
   return rest;
 }
 
-// Cameras of so many images of a model are known by it in the smaller ones, where a few photographs
-// hardly tell the focal length.
-constexpr int kMinImagesOfFound = 8;
+std::map<camera_t, int> NumImagesOfCameras(const Reconstruction& model) {
+  std::map<camera_t, int> num_images;
+  for (const auto& [id, image] : model.images) ++num_images[image.image.camera_id];
+  return num_images;
+}
+
+// Keeps the cameras of a model for the smaller ones.
+void KeepFound(const Reconstruction& model, StageContext& context) {
+  for (const auto& [id, num] : NumImagesOfCameras(model)) {
+    if (num >= kEnoughToFind) context.found_cameras.try_emplace(id, model.cameras.at(id));
+  }
+}
 
 // Keeps a finished model, with its warnings.
 void TakeIn(StageContext& context, BuiltModel built, SceneModels& result) {
-  std::map<camera_t, int> num_images;
-  for (const auto& [id, image] : built.model->images) {
-    context.taken.insert(id);
-    const camera_t camera_id = image.image.camera_id;
-    if (++num_images[camera_id] < kMinImagesOfFound) continue;
-    context.found_cameras.try_emplace(camera_id, built.model->cameras.at(camera_id));
-  }
+  for (const auto& [id, image] : built.model->images) context.taken.insert(id);
   std::vector<ResultWarning> warnings = std::move(built.warnings);
   if (!context.scene.poses_alone) {
     result.explained_shares.push_back(built.evidence.inside.Share());
@@ -172,6 +175,15 @@ void TakeOutOthers(std::span<const Reconstruction> models, ViewGraph& graph) {
 
 }  // namespace
 
+std::set<camera_t> StageContext::FoundCamerasOf(const Reconstruction& model) const {
+  std::set<camera_t> cameras;
+  if (found_cameras.empty()) return cameras;
+  for (const auto& [id, num] : NumImagesOfCameras(model)) {
+    if (num < kEnoughToFind && found_cameras.contains(id)) cameras.insert(id);
+  }
+  return cameras;
+}
+
 SceneModels BuildModels(StageContext& context, const std::vector<std::vector<image_t>>& components,
                         std::span<const Reconstruction> earlier, ViewGraph& graph) {
   const ReconstructOptions& options = context.settings.reconstruct;
@@ -203,6 +215,7 @@ SceneModels BuildModels(StageContext& context, const std::vector<std::vector<ima
     }
     for (const size_t e : built.duplicate_edges) graph.edges[e].removal = EdgeRemoval::kAmbiguous;
     if (built.model) {
+      if (component.earlier == nullptr) KeepFound(*built.model, context);
       TakeIn(context, std::move(built), result);
       if (component.earlier == nullptr) {
         queue.AddPartsOf(NotTaken(context, component.images), component.is_part, graph);

@@ -60,7 +60,8 @@ std::vector<VerifiedPair> PairsOf(const StageContext& context, const ViewGraph& 
 
 ModelEvidence EvidenceFor(const StageContext& context, const Reconstruction& model,
                           const ViewGraph& graph) {
-  return EvaluateEvidence(model, PairsOf(context, graph), context.run, context.ConstantCameras());
+  return EvaluateEvidence(model, PairsOf(context, graph), context.run,
+                          context.ConstantCameras(model));
 }
 
 Agreement AgreementFor(const StageContext& context, const Reconstruction& model,

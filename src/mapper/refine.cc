@@ -69,7 +69,7 @@ void Adjust(StageContext& context, const Round& round, Reconstruction& model) {
   scope.focal_lengths = true;
   scope.distortions = round.distortions;
   scope.principal_points = !round.free_principal_points.empty();
-  scope.fixed_cameras = context.ConstantCameras();
+  scope.fixed_cameras = context.ConstantCameras(model);
   for (const auto& [id, camera] : context.scene.cameras) {
     const auto adjusted = model.cameras.find(id);
     if (adjusted == model.cameras.end()) continue;

@@ -64,11 +64,14 @@ ResectionReport Resect(const StageContext& context, const Correspondences& corre
   const Image& image = context.scene.images.at(image_id);
   // A camera that the model has already is known; one that only a guess describes is not.
   const auto known = model.cameras.find(image.camera_id);
-  const Camera& camera =
-      known != model.cameras.end() ? known->second : context.KnownCameraOf(image_id);
-  const bool is_guess = known == model.cameras.end() && !camera.has_prior_focal_length &&
-                        !camera.FocalIndices().empty() &&
-                        !context.ConstantCameras().contains(image.camera_id);
+  const auto found = context.found_cameras.find(image.camera_id);
+  const bool is_found = known == model.cameras.end() && found != context.found_cameras.end();
+  const Camera& camera = known != model.cameras.end() ? known->second
+                         : is_found                   ? found->second
+                                                      : context.scene.cameras.at(image.camera_id);
+  const bool is_guess = known == model.cameras.end() && !is_found &&
+                        !camera.has_prior_focal_length && !camera.FocalIndices().empty() &&
+                        !context.scene.constant_cameras.contains(image.camera_id);
   std::vector<Eigen::Vector2d> pixels;
   std::vector<Eigen::Vector3d> xyz;
   for (size_t i = 0; i < correspondences.points.size(); ++i) {

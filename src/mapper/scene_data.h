@@ -60,6 +60,9 @@ struct SceneData : Calibration, SceneFacts {
   const Camera& CameraOf(image_t id) const { return cameras.at(CameraIdOf(id)); }
 };
 
+// In fewer photographs, intrinsics are hardly told from the poses, and move with chance.
+inline constexpr int kEnoughToFind = 8;
+
 // What every stage needs beside its data. One a run.
 struct StageContext {
   const SceneData& scene;
@@ -72,19 +75,16 @@ struct StageContext {
   std::set<image_t> reserved{};
   double min_angle_deg = TriangulationOptions().min_angle_deg;  // of points, see TrackAngles
   bool has_mostly_parallel_rays = false;
-  // Cameras with the intrinsics that larger models of this run found for them.
+  // Cameras with the intrinsics that larger models of this run found, in kEnoughToFind images each.
   std::map<camera_t, Camera> found_cameras{};
 
-  // Cameras whose intrinsics are not refined.
-  std::set<camera_t> ConstantCameras() const {
-    std::set<camera_t> cameras = scene.constant_cameras;
-    for (const auto& [id, camera] : found_cameras) cameras.insert(id);
+  // The found cameras of which the model has fewer images, which hardly tell a focal length.
+  std::set<camera_t> FoundCamerasOf(const Reconstruction& model) const;
+  // Cameras of the model whose intrinsics are not refined, and others.
+  std::set<camera_t> ConstantCameras(const Reconstruction& model) const {
+    std::set<camera_t> cameras = FoundCamerasOf(model);
+    cameras.insert(scene.constant_cameras.begin(), scene.constant_cameras.end());
     return cameras;
-  }
-  // As it is best known before there is a model.
-  const Camera& KnownCameraOf(image_t id) const {
-    const auto found = found_cameras.find(scene.CameraIdOf(id));
-    return found != found_cameras.end() ? found->second : scene.CameraOf(id);
   }
 };
 

@@ -18,7 +18,7 @@ struct PreparedImage {
   TriangulationView pose;  // without a ray
   // NaN: this keypoint is not in a track, or the distortion cannot be undone there.
   std::vector<Eigen::Vector2d> rays;
-  std::vector<double> focals_px;  // of the image there
+  std::vector<float> focals_px;  // of the image there
   // Where the camera is not planar: every keypoint has a camera of its own, turned so that the
   // bearing is its axis. Its ray is (0, 0).
   std::vector<Eigen::Matrix3d> own_from_cam;

@@ -22,7 +22,7 @@ namespace fs = std::filesystem;
 
 constexpr char kWriter[] = "undistort";
 // Changes with every change of what an image's pixels are.
-constexpr int kPixelsVersion = 2;
+constexpr int kPixelsVersion = 3;
 constexpr int kJpegQuality = 95;
 // All that a run writes but images. What dense stereo writes into stereo/ later is its own.
 const std::vector<std::string> kResultNames = {"sparse", "stereo/patch-match.cfg",
@@ -42,9 +42,10 @@ struct Item {
   std::string error;         // why there is none
 };
 
-std::string HashInputs(const Item& item) {
+std::string HashInputs(const Item& item, DenseLayout layout) {
   Hasher hasher;
   hasher.Add(HashFile(item.photo_path)).Add(kPixelsVersion).Add(kJpegQuality);
+  hasher.Add(static_cast<int>(layout));
   for (const Camera* camera : {item.source, item.target}) {
     hasher.Add(static_cast<int>(camera->model)).Add(camera->width).Add(camera->height);
     for (const double param : camera->params) hasher.Add(param);
@@ -130,7 +131,7 @@ void DenseFolder::Check(Item& item) const {
 }
 
 void DenseFolder::Write(Item& item) {
-  item.entry = {HashInputs(item), item.present_hash};
+  item.entry = {HashInputs(item, job_.layout), item.present_hash};
   item.is_kept = !item.present_hash.empty() && ledger_.Has(item.file_name, item.entry);
   if (item.is_kept) return;
   const std::string bytes = Undistort(item, job_.layout);

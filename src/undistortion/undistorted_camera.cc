@@ -77,6 +77,7 @@ Camera Scaled(const Camera& pinhole, double x, double y, const UndistortOptions&
 
 // Does the photograph show all pixels at the border of the undistorted image?
 bool IsFilled(const Camera& camera, const Camera& pinhole) {
+  if (FoldsWithin(camera, pinhole)) return false;
   const auto is_shown = [&](int x, int y) {
     const auto pixel = ShownPixel({x + 0.5, y + 0.5}, camera, pinhole);
     return pixel && pixel->minCoeff() >= 0 && pixel->x() <= camera.width &&

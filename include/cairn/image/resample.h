@@ -40,8 +40,12 @@ Bitmap ReducedBitmap(const Bitmap& bitmap, int width, int height);
 std::optional<Eigen::Vector2d> ResamplePixel(const Eigen::Vector2d& pixel, const Camera& source,
                                              const Camera& target);
 
-// Where the source shows a pixel of the target, as ResampleBitmap takes it; nullopt where it shows
-// none, and where distortion folds the image over.
+// Whether the source's distortion folds the image over within the target: what is farther off axis
+// than the fold, ResampleBitmap leaves black.
+bool FoldsWithin(const Camera& source, const Camera& target);
+
+// Where the source shows a pixel of the target; nullopt where it shows none, and where distortion
+// turns the image over. (Beyond a fold, some models show a pixel once more.)
 std::optional<Eigen::Vector2d> ShownPixel(const Eigen::Vector2d& pixel, const Camera& source,
                                           const Camera& target);
 

@@ -82,10 +82,12 @@ std::vector<size_t> SelectFocalPairs(std::span<const FocalPairCount> pairs, int 
 // principal point, give them: parallel axes weigh nothing by themselves. Leave out planar pairs:
 // any F of a plane is as good, and its noise looks certain. Geman and McClure's loss takes wrong
 // pairs; one focal length a camera, however many images it took; cameras in `trusted` keep theirs.
-// Levenberg-Marquardt over logarithms of focal lengths from several starts. Distortion is not
-// modeled. The result does not depend on run.num_threads, nor on options.enabled and
-// options.max_pairs, which are a reconstruction's. Throws ConfigError for a pair of a camera that
-// is not there, or whose lens is wide (no plane holds its rays).
+// Levenberg-Marquardt over logarithms of focal lengths from several starts. Then they are refined
+// on the matches: on the squared errors that the best essential matrices leave beyond those of F;
+// standard deviations stay those of Kruppa's equations. Distortion is not modeled. The result does
+// not depend on run.num_threads, nor on options.enabled and options.max_pairs, which are a
+// reconstruction's. Throws ConfigError for a pair of a camera that is not there, or whose lens is
+// wide (no plane holds its rays).
 FocalCalibrationReport CalibrateFocals(const std::map<camera_t, Camera>& cameras,
                                        const std::set<camera_t>& trusted,
                                        std::span<const FocalPair> pairs,

@@ -88,6 +88,8 @@ TEST_F(MachineTest, HasTheProcessorsThatAGroupLeaves) {
   Write("proc/self/cgroup", "0::/kubepods/pod7\n");
   Write("sys/fs/cgroup/kubepods/pod7/cpu.max", "max 100000\n");
   EXPECT_EQ(NumProcessors(folder_.path()), all);
+  Write("sys/fs/cgroup/kubepods/cpu.max", "50000 100000\n");
+  EXPECT_EQ(NumProcessors(folder_.path()), 1);
   Write("sys/fs/cgroup/kubepods/cpu.max", "150000 100000\n");
   EXPECT_EQ(NumProcessors(folder_.path()), std::min(all, 2));
   Write("sys/fs/cgroup/kubepods/pod7/cpu.max", "1000 100000\n");

@@ -106,7 +106,7 @@ TEST(Parts, AFewImagesThatACameraJoinsAreNoModel) {
 
 // Of one camera whose focal length is a guess: the smaller model alone finds another.
 TEST(Parts, SmallModelsHaveTheIntrinsicsOfTheLargest) {
-  const Database first = Place(12, 6, 1), second = Place(8, 6, 1);
+  const Database first = Place(12, 6, 1), second = Place(7, 6, 1);
   Database both = Together({&first, &second});
   for (Image image : both.ReadImages()) {
     image.camera_id = 1001;
@@ -115,9 +115,30 @@ TEST(Parts, SmallModelsHaveTheIntrinsicsOfTheLargest) {
   const ReconstructResult result = Reconstruct(both);
   ASSERT_EQ(result.models.size(), 2u);
   EXPECT_EQ(result.models[0].images.size(), 12u);
-  EXPECT_EQ(result.models[1].images.size(), 8u);
+  EXPECT_EQ(result.models[1].images.size(), 7u);
   EXPECT_EQ(result.models[1].cameras.begin()->second.params,
             result.models[0].cameras.begin()->second.params);
+}
+
+// Input models of one camera are refined each, however large the others are.
+TEST(Parts, InputModelsKeepNoIntrinsicsOfOthers) {
+  const Database first = Place(12, 6, 1), second = Place(11, 6, 1);
+  Database both = Together({&first, &second});
+  for (Image image : both.ReadImages()) {
+    image.camera_id = 1001;
+    both.WriteImage(image);
+  }
+  std::vector<Reconstruction> models = Reconstruct(both).models;
+  ASSERT_EQ(models.size(), 2u);
+  const double focal = models[0].cameras.begin()->second.MeanFocal();
+  for (Reconstruction& model : models) {
+    for (auto& [id, camera] : model.cameras) camera.SetMeanFocal(1.03 * camera.MeanFocal());
+  }
+  const ReconstructResult result = Reconstruct(both, "", {}, kOneThread, models);
+  ASSERT_EQ(result.models.size(), 2u);
+  for (const Reconstruction& model : result.models) {
+    EXPECT_NEAR(model.cameras.begin()->second.MeanFocal() / focal, 1, 0.005);
+  }
 }
 
 TEST(Parts, OneThatFailsIsAWarning) {

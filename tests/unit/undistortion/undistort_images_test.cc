@@ -114,6 +114,11 @@ TEST_F(UndistortImagesTest, KeepsOpacityForGaussianSplatting) {
   EXPECT_EQ(written->data,
             ResampleBitmap(opacity, model_.cameras.at(1), model.CameraOf(model.images.at(1))).data);
   EXPECT_FALSE(ReadOpacity(job_.output_path + "/images/image2.png"));
+  // In one folder after another layout.
+  job_.layout = DenseLayout::kColmap;
+  job_.overwrites = true;
+  Run();
+  EXPECT_FALSE(ReadOpacity(job_.output_path + "/images/image1.png"));
 }
 
 // As the loader of "3D Gaussian Splatting for Real-Time Radiance Field Rendering" has it: pinhole

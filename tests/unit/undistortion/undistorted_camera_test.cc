@@ -78,6 +78,15 @@ TEST(UndistortedCamera, CropsToWhatIsNotFoldedOver) {
   }
 }
 
+// What a wide photograph shows once more beyond the fold fills nothing.
+TEST(UndistortedCamera, EndsBeforeTheFold) {
+  Camera camera = MakeCamera(CameraModel::kSimpleRadial, {30, 100, 100, -0.5});
+  camera.width = camera.height = 200;
+  const Camera pinhole = UndistortedCamera(camera, {.min_scale = 0.01});
+  const double corner = 0.5 * std::hypot(pinhole.width, pinhole.height);
+  EXPECT_LT(corner / pinhole.MeanFocal(), 1 / std::sqrt(3 * 0.5) + 0.05);
+}
+
 TEST(UndistortedCamera, KeepsTheWholePhotograph) {
   for (const Camera& camera : {kBarrel, kPincushion}) {
     const Camera pinhole = UndistortedCamera(camera, {.blank_pixels = 1});
