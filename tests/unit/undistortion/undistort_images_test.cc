@@ -114,9 +114,12 @@ TEST_F(UndistortImagesTest, KeepsOpacityForGaussianSplatting) {
   EXPECT_EQ(written->data,
             ResampleBitmap(opacity, model_.cameras.at(1), model.CameraOf(model.images.at(1))).data);
   EXPECT_FALSE(ReadOpacity(job_.output_path + "/images/image2.png"));
-  // In one folder after another layout.
-  job_.layout = DenseLayout::kColmap;
+  // In one folder after another layout, with the same cameras.
+  options_.center_principal_point = true;
   job_.overwrites = true;
+  Run();
+  EXPECT_TRUE(ReadOpacity(job_.output_path + "/images/image1.png"));
+  job_.layout = DenseLayout::kColmap;
   Run();
   EXPECT_FALSE(ReadOpacity(job_.output_path + "/images/image1.png"));
 }
