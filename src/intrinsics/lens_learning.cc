@@ -10,6 +10,7 @@
 #include "base/text.h"
 #include "cairn/base/error.h"
 #include "cairn/intrinsics/focal_calibration.h"
+#include "cairn/math/median.h"
 #include "intrinsics/camera_pairs.h"
 #include "intrinsics/distortion_calibration.h"
 #include "intrinsics/known_intrinsics.h"
@@ -133,11 +134,58 @@ void ReadPixels(const Database& database, std::vector<LensPair>& lens_pairs) {
   });
 }
 
-// The focal lengths of cameras that are only guessed; those that told nothing before stay unknown.
-std::map<camera_t, CalibratedFocal> LearnGuessedFocals(const Lenses& lenses,
-                                                       const std::vector<FocalPair>& pairs,
-                                                       const RunContext& run) {
+using Focals = std::map<camera_t, CalibratedFocal>;
+
+bool IsKnown(const CalibratedFocal& focal) {
+  return focal.status == FocalStatus::kCalibrated && focal.sigma <= kKnownSigma;
+}
+
+// The focal lengths that cameras which share a lens have together, by the camera that stands for
+// them.
+Focals CalibrateTogether(const Lenses& lenses, const SharedLenses& shared,
+                         std::vector<FocalPair> pairs, const RunContext& run) {
+  for (FocalPair& pair : pairs) {
+    for (camera_t* id : {&pair.camera_id1, &pair.camera_id2}) {
+      const auto lens = shared.find(*id);
+      if (lens != shared.end()) *id = lens->second;
+    }
+  }
   return CalibrateFocals(lenses.cameras, lenses.trusted, pairs, {}, run).cameras;
+}
+
+// By how much the focal lengths of cameras of one lens differ, as a standard deviation of their
+// logarithms: of those that are known by themselves.
+double SpreadOf(const Focals& own, const SharedLenses& shared, camera_t lens) {
+  std::vector<double> logs;
+  for (const auto& [id, focal] : own) {
+    const auto found = shared.find(id);
+    if (found == shared.end() || found->second != lens || !IsKnown(focal)) continue;
+    logs.push_back(std::log(focal.focal_px));
+  }
+  if (logs.empty()) return 0;
+  const double median = UpperMedian(logs);
+  for (double& each : logs) each = std::abs(each - median);
+  return UpperMedian(logs) / kNormalMedian;
+}
+
+// The focal lengths of cameras that are only guessed; those that told nothing before stay unknown.
+// Cameras that share a lens have one focal length, where that is known as precisely for each.
+Focals LearnGuessedFocals(const Lenses& lenses, const SharedLenses& shared,
+                          const std::vector<FocalPair>& pairs, const RunContext& run) {
+  Focals focals = CalibrateFocals(lenses.cameras, lenses.trusted, pairs, {}, run).cameras;
+  if (shared.empty()) return focals;
+  Focals together = CalibrateTogether(lenses, shared, pairs, run);
+  for (auto& [id, focal] : together) {
+    focal.sigma = std::hypot(focal.sigma, SpreadOf(focals, shared, id));
+  }
+  for (const auto& [id, lens] : shared) {
+    const auto found = together.find(lens);
+    if (found == together.end() || !IsKnown(found->second)) continue;
+    const CalibratedFocal& focal = found->second;
+    // (Where there are two lenses, fewer pairs agree.)
+    if (3 * focal.num_agreeing >= 2 * focal.num_pairs) focals[id] = focal;
+  }
+  return focals;
 }
 
 CameraLens MakeLens(const Camera& camera, const CalibratedDistortion* distortion,
@@ -215,7 +263,7 @@ LearnedLenses LearnLenses(Database& database, const std::vector<image_pair_t>& l
   std::erase_if(shared, [&](const auto& entry) { return known.open.count(entry.first) == 0; });
   const DistortionCalibrationReport report =
       CalibrateDistortion(known.cameras, constant, shared, pairs, run);
-  const std::map<camera_t, CalibratedFocal> focals = LearnGuessedFocals(known, report.pairs, run);
+  const Focals focals = LearnGuessedFocals(known, shared, report.pairs, run);
   std::map<camera_t, CameraLens> lenses;
   for (const camera_t id : known.open) {
     CameraLens& lens = lenses[id];

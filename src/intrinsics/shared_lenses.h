@@ -14,7 +14,7 @@ using SharedLenses = std::map<camera_t, camera_t>;
 
 // Few pairs of one photograph do not tell its lens: where most images have a camera of their own
 // and the same model, size and focal length, as those without EXIF have, they are of one lens.
-// (Focal lengths stay their own: the mapper decides whether the cameras are one.)
+// (The mapper decides whether the cameras are one.)
 SharedLenses FindSharedLenses(const Database& database);
 
 // Cameras that were never looked at begin with what others of their lens have learned, the one of

@@ -21,6 +21,8 @@ struct LensCase {
   camera_t wrong_camera = kInvalidCameraId;  // the only one with that factor
   bool own_cameras = false;                  // one an image, 100 + its id
   int num_kinds = 2;                         // different focal lengths
+  // (On a ring all optical axes meet in one point, which leaves focal lengths open.)
+  CameraLayout layout_of_own = CameraLayout::kRing;
 };
 
 class LensLearningTest : public LearningTest {
@@ -30,8 +32,7 @@ class LensLearningTest : public LearningTest {
     SceneOptions options;
     options.num_cameras = lens.num_kinds;
     options.num_images = lens.own_cameras ? 9 : 14;
-    // (On a ring all optical axes meet in one point, which leaves focal lengths open.)
-    options.layout = lens.own_cameras ? CameraLayout::kRing : CameraLayout::kLandmark;
+    options.layout = lens.own_cameras ? lens.layout_of_own : CameraLayout::kLandmark;
     options.num_points = lens.own_cameras ? 900 : 1500;
     options.max_keypoints = 500;
     options.distance = lens.own_cameras ? 3.0 : 2.0;
@@ -187,6 +188,22 @@ TEST_F(LensLearningTest, CamerasOfOneKindShareTheirDistortion) {
   for (const double k : distortions.begin()->second) {
     EXPECT_NEAR(k, distortions.begin()->second.front(), 1e-9);
     EXPECT_NEAR(k, 1.3 * 1.3 * -0.2, 0.1);
+  }
+}
+
+TEST_F(LensLearningTest, CamerasOfOneKindShareTheirFocalLength) {
+  const std::string path = MakeDatabase("one.db", {.focal_factor = 1.3,
+                                                   .has_prior = false,
+                                                   .own_cameras = true,
+                                                   .num_kinds = 1,
+                                                   .layout_of_own = CameraLayout::kLandmark});
+  Verify(path);
+  const std::map<camera_t, CameraLens> lenses = Database(path).ReadCameraLenses();
+  ASSERT_EQ(lenses.size(), 9u);
+  for (const auto& [id, lens] : lenses) {
+    EXPECT_TRUE(lens.is_focal_known) << id;
+    EXPECT_EQ(lens.focal_px, lenses.begin()->second.focal_px) << id;
+    EXPECT_NEAR(lens.focal_px / true_focals_.at(id), 1.0, 0.02) << id;
   }
 }
 
