@@ -5,6 +5,7 @@
 #include <cmath>
 #include <map>
 #include <set>
+#include <span>
 #include <tuple>
 
 #include "base/text.h"
@@ -19,8 +20,9 @@
 namespace cairn {
 namespace {
 
-constexpr int kMaxLensPairs = 100;   // of a camera
-constexpr size_t kMaxMatches = 300;  // of a pair
+constexpr int kMaxLensPairs = 100;          // of a camera
+constexpr size_t kMaxMatches = 300;         // of a pair
+constexpr size_t kMaxPairsTogether = 1000;  // that tell one focal length of many cameras
 // A focal length as precise as that is taken, like EXIF's, which is no more precise; where the
 // camera's pairs contradict it, it is rejected like EXIF's (focal_learning.h).
 constexpr double kKnownSigma = 0.05;
@@ -143,14 +145,17 @@ bool IsKnown(const CalibratedFocal& focal) {
 // The focal lengths that cameras which share a lens have together, by the camera that stands for
 // them.
 Focals CalibrateTogether(const Lenses& lenses, const SharedLenses& shared,
-                         std::vector<FocalPair> pairs, const RunContext& run) {
-  for (FocalPair& pair : pairs) {
-    for (camera_t* id : {&pair.camera_id1, &pair.camera_id2}) {
+                         std::span<const FocalPair> pairs, const RunContext& run) {
+  const size_t step = 1 + pairs.size() / kMaxPairsTogether;
+  std::vector<FocalPair> together;
+  for (size_t i = 0; i < pairs.size(); i += step) {
+    together.push_back(pairs[i]);
+    for (camera_t* id : {&together.back().camera_id1, &together.back().camera_id2}) {
       const auto lens = shared.find(*id);
       if (lens != shared.end()) *id = lens->second;
     }
   }
-  return CalibrateFocals(lenses.cameras, lenses.trusted, pairs, {}, run).cameras;
+  return CalibrateFocals(lenses.cameras, lenses.trusted, together, {}, run).cameras;
 }
 
 // By how much the focal lengths of cameras of one lens differ, as a standard deviation of their
