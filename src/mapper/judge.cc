@@ -2,6 +2,7 @@
 #include <cmath>
 
 #include "base/text.h"
+#include "cairn/math/median.h"
 #include "mapper/stages.h"
 #include "view_graph/symmetry.h"
 
@@ -28,6 +29,38 @@ std::vector<image_t> ImagesOfOnePair(const BuiltModel& built) {
   if (built.model->images.size() <= 3) return images;
   for (const auto& [id, num_pairs] : NumPairsInUse(built.graph, *built.model)) {
     if (num_pairs == 1) images.push_back(id);
+  }
+  return images;
+}
+
+// Of a grid of kCells x kCells, the cells of the picture that have points of the model.
+constexpr int kCells = 10;
+std::map<image_t, int> NumCellsWithPoints(const Reconstruction& model) {
+  std::map<image_t, int> num_cells;
+  for (const auto& [id, image] : model.images) {
+    const Camera& camera = model.CameraOf(image);
+    std::set<std::pair<int, int>> cells;
+    for (size_t k = 0; k < image.points2D.size(); ++k) {
+      if (image.point3D_ids[k] == kInvalidPoint3DId) continue;
+      cells.insert({static_cast<int>(kCells * image.points2D[k].x() / camera.width),
+                    static_cast<int>(kCells * image.points2D[k].y() / camera.height)});
+    }
+    num_cells[id] = static_cast<int>(cells.size());
+  }
+  return num_cells;
+}
+
+// Images that points in a small part of the picture hold, a twentieth of it and less, where most
+// have four times as much: so little hardly tells a pose.
+std::vector<image_t> ImagesOfASmallPart(const Reconstruction& model) {
+  std::vector<image_t> images;
+  if (model.images.size() <= 3) return images;
+  const std::map<image_t, int> num_cells = NumCellsWithPoints(model);
+  std::vector<double> all;
+  for (const auto& [id, num] : num_cells) all.push_back(num);
+  const double most = std::min(kCells * kCells / 20.0, UpperMedian(all) / 4);
+  for (const auto& [id, num] : num_cells) {
+    if (num <= most) images.push_back(id);
   }
   return images;
 }
@@ -119,6 +152,11 @@ std::vector<ResultWarning> JudgeModel(StageContext& context, const BuiltModel& b
   if (const std::vector<image_t> held = ImagesOfOnePair(built); !held.empty()) {
     warn({"held by one pair each, which no other confirms (" + std::to_string(held.size()) +
               "): " + Names(context.scene, held),
+          "look at these, or add photos that overlap with them"});
+  }
+  if (const std::vector<image_t> held = ImagesOfASmallPart(model); !held.empty()) {
+    warn({"held by points in a small part of the photo, which hardly tell where it was taken (" +
+              std::to_string(held.size()) + "): " + Names(context.scene, held),
           "look at these, or add photos that overlap with them"});
   }
   for (const MisplacedGroup& group : groups) {

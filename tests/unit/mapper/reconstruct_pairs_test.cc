@@ -232,6 +232,40 @@ TEST(Reconstruct, ManyFramesFromOnePlaceAreNoCollapse) {
   EXPECT_EQ(result.models[0].images.size(), 22u);
 }
 
+TEST(Reconstruct, NamesImagesThatASmallPartHolds) {
+  SceneOptions options = SmallScene();
+  options.num_points = 4000;
+  options.max_keypoints = 3000;
+  const SyntheticScene scene = MakeScene(options, 3);
+  Database database = MakeDatabase(scene);
+  const auto has_warning = [&] {
+    const ReconstructResult result = Reconstruct(database);
+    EXPECT_EQ(result.models.front().images.size(), 10u);
+    return std::ranges::any_of(result.report.warnings, [&](const ResultWarning& w) {
+      return w.what.find("a small part of the photo") != std::string::npos &&
+             w.what.ends_with("(1): " + scene.images.at(3).name);
+    });
+  };
+  EXPECT_FALSE(has_warning());
+  const image_t held = scene.images.at(3).image_id;
+  const Camera& camera = scene.cameras.at(scene.images.at(3).camera_id);
+  const auto is_outside = [&](point2D_t k) {
+    const Keypoint& keypoint = scene.keypoints.at(held)[k];
+    return std::max(std::abs(keypoint.x / camera.width - 0.5),
+                    std::abs(keypoint.y / camera.height - 0.5)) > 0.1;
+  };
+  for (const image_pair_t pair_id : database.ReadTwoViewGeometryPairIds()) {
+    const auto [id1, id2] = PairIdToImagePair(pair_id);
+    if (id1 != held && id2 != held) continue;
+    TwoViewGeometry geometry = database.ReadTwoViewGeometry(pair_id).value();
+    std::erase_if(geometry.inlier_matches, [&](const FeatureMatch& match) {
+      return is_outside(id1 == held ? match.point1 : match.point2);
+    });
+    database.WriteTwoViewGeometry(pair_id, geometry);
+  }
+  EXPECT_TRUE(has_warning());
+}
+
 // Where its pair is wrong, no other tells.
 TEST(Reconstruct, NamesImagesThatASinglePairHolds) {
   const SyntheticScene scene = MakeScene(SmallScene(), 3);
