@@ -143,7 +143,7 @@ bool IsKnown(const CalibratedFocal& focal) {
 }
 
 // The focal lengths that cameras which share a lens have together, by the camera that stands for
-// them.
+// them. (Photographs that are turned against its own have another center, and tell by themselves.)
 Focals CalibrateTogether(const Lenses& lenses, const SharedLenses& shared,
                          std::span<const FocalPair> pairs, const RunContext& run) {
   const size_t step = 1 + pairs.size() / kMaxPairsTogether;
@@ -152,7 +152,9 @@ Focals CalibrateTogether(const Lenses& lenses, const SharedLenses& shared,
     together.push_back(pairs[i]);
     for (camera_t* id : {&together.back().camera_id1, &together.back().camera_id2}) {
       const auto lens = shared.find(*id);
-      if (lens != shared.end()) *id = lens->second;
+      if (lens == shared.end()) continue;
+      const bool is_turned = lenses.cameras.at(*id).width != lenses.cameras.at(lens->second).width;
+      if (!is_turned) *id = lens->second;
     }
   }
   return CalibrateFocals(lenses.cameras, lenses.trusted, together, {}, run).cameras;

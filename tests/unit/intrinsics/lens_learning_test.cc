@@ -207,6 +207,37 @@ TEST_F(LensLearningTest, CamerasOfOneKindShareTheirFocalLength) {
   }
 }
 
+// The center of a photograph on its side is elsewhere.
+TEST_F(LensLearningTest, UprightCamerasAndThoseOnTheirSideShareTheirFocalLength) {
+  const std::string path = MakeDatabase("one.db", {.focal_factor = 1.3,
+                                                   .has_prior = false,
+                                                   .own_cameras = true,
+                                                   .num_kinds = 1,
+                                                   .layout_of_own = CameraLayout::kLandmark});
+  {
+    Database database(path);
+    for (const Image& image : database.ReadImages()) {
+      if (image.image_id % 3 != 0) continue;
+      const Camera camera = database.ReadCameras()[image.image_id - 1];
+      database.WriteCamera(Camera::FromFocal(camera.camera_id, camera.model, camera.MeanFocal(),
+                                             camera.height, camera.width));
+      std::vector<Keypoint> keypoints = *database.ReadKeypoints(image.image_id);
+      for (Keypoint& k : keypoints) {
+        k = {k.y, static_cast<float>(camera.width) - k.x, k.a21, k.a22, -k.a11, -k.a12};
+      }
+      database.WriteKeypoints(image.image_id, keypoints);
+    }
+  }
+  Verify(path);
+  const std::map<camera_t, CameraLens> lenses = Database(path).ReadCameraLenses();
+  ASSERT_EQ(lenses.size(), 9u);
+  for (const auto& [id, lens] : lenses) {
+    EXPECT_TRUE(lens.is_focal_known) << id;
+    EXPECT_EQ(lens.focal_px, lenses.begin()->second.focal_px) << id;
+    EXPECT_NEAR(lens.focal_px / true_focals_.at(id), 1.0, 0.02) << id;
+  }
+}
+
 // Photographs that join later begin with the lens that the others have learned.
 TEST_F(LensLearningTest, LaterCamerasOfTheKindHaveItsLens) {
   const std::string path = MakeDatabase(
