@@ -31,11 +31,9 @@ constexpr int kIterationsToLook = 4;
 std::set<camera_t> CamerasWith(const std::function<bool(const Camera&)>& property,
                                const StageContext& context, const Reconstruction& model,
                                int min_images = kEnoughToFind) {
-  std::map<camera_t, int> num_images;
-  for (const auto& [id, image] : model.images) ++num_images[image.image.camera_id];
   const std::set<camera_t> constant = context.ConstantCameras(model);
   std::set<camera_t> cameras;
-  for (const auto& [id, num] : num_images) {
+  for (const auto& [id, num] : NumImagesOfCameras(model)) {
     if (num >= min_images && !constant.contains(id) && property(model.cameras.at(id))) {
       cameras.insert(id);
     }

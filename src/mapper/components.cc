@@ -94,12 +94,6 @@ std::vector<image_t> NotTaken(const StageContext& context, std::span<const image
   return rest;
 }
 
-std::map<camera_t, int> NumImagesOfCameras(const Reconstruction& model) {
-  std::map<camera_t, int> num_images;
-  for (const auto& [id, image] : model.images) ++num_images[image.image.camera_id];
-  return num_images;
-}
-
 // Keeps the cameras of a model for the smaller ones.
 void KeepFound(const Reconstruction& model, StageContext& context) {
   for (const auto& [id, num] : NumImagesOfCameras(model)) {
@@ -174,6 +168,12 @@ void TakeOutOthers(std::span<const Reconstruction> models, ViewGraph& graph) {
 }
 
 }  // namespace
+
+std::map<camera_t, int> NumImagesOfCameras(const Reconstruction& model) {
+  std::map<camera_t, int> num_images;
+  for (const auto& [id, image] : model.images) ++num_images[image.image.camera_id];
+  return num_images;
+}
 
 std::set<camera_t> StageContext::FoundCamerasOf(const Reconstruction& model) const {
   std::set<camera_t> cameras;

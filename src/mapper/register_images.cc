@@ -59,18 +59,21 @@ Correspondences FindCorrespondences(const SceneData& scene,
   return result;
 }
 
+// The camera, where the model has it already, or a larger one found it; else nullptr.
+const Camera* FindKnown(const StageContext& context, const Reconstruction& model, camera_t id) {
+  for (const std::map<camera_t, Camera>* cameras : {&model.cameras, &context.found_cameras}) {
+    if (const auto known = cameras->find(id); known != cameras->end()) return &known->second;
+  }
+  return nullptr;
+}
+
 ResectionReport Resect(const StageContext& context, const Correspondences& correspondences,
                        const Reconstruction& model, image_t image_id) {
   const Image& image = context.scene.images.at(image_id);
-  // A camera that the model has already is known; one that only a guess describes is not.
-  const auto known = model.cameras.find(image.camera_id);
-  const auto found = context.found_cameras.find(image.camera_id);
-  const bool is_found = known == model.cameras.end() && found != context.found_cameras.end();
-  const Camera& camera = known != model.cameras.end() ? known->second
-                         : is_found                   ? found->second
-                                                      : context.scene.cameras.at(image.camera_id);
-  const bool is_guess = known == model.cameras.end() && !is_found &&
-                        !camera.has_prior_focal_length && !camera.FocalIndices().empty() &&
+  const Camera* const known = FindKnown(context, model, image.camera_id);
+  const Camera& camera = known != nullptr ? *known : context.scene.cameras.at(image.camera_id);
+  const bool is_guess = known == nullptr && !camera.has_prior_focal_length &&
+                        !camera.FocalIndices().empty() &&
                         !context.scene.constant_cameras.contains(image.camera_id);
   std::vector<Eigen::Vector2d> pixels;
   std::vector<Eigen::Vector3d> xyz;

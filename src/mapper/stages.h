@@ -151,6 +151,7 @@ ViewGraphResult BuildSceneGraph(const SceneData& scene, const ReconstructSetting
                                 const RunContext& run, RunReport& report);
 
 // components.cc
+std::map<camera_t, int> NumImagesOfCameras(const Reconstruction& model);
 // Models of the graph's components, and of the parts into which they fall. Where there are earlier
 // models, these first, with the images that can be registered in them, then, unless nothing is to
 // be registered, models of the images that are left.

@@ -25,6 +25,12 @@ struct LensCase {
   CameraLayout layout_of_own = CameraLayout::kRing;
 };
 
+constexpr LensCase kOneKindAround = {.focal_factor = 1.3,
+                                     .has_prior = false,
+                                     .own_cameras = true,
+                                     .num_kinds = 1,
+                                     .layout_of_own = CameraLayout::kLandmark};
+
 class LensLearningTest : public LearningTest {
  protected:
   // Two cameras with the same distortion, of which the database says nothing.
@@ -70,6 +76,16 @@ class LensLearningTest : public LearningTest {
       ++configs[database.ReadTwoViewGeometry(pair)->config];
     }
     return configs;
+  }
+
+  void ExpectOneFocalLength(const std::string& path) const {
+    const std::map<camera_t, CameraLens> lenses = Database(path).ReadCameraLenses();
+    ASSERT_EQ(lenses.size(), 9u);
+    for (const auto& [id, lens] : lenses) {
+      EXPECT_TRUE(lens.is_focal_known) << id;
+      EXPECT_EQ(lens.focal_px, lenses.begin()->second.focal_px) << id;
+      EXPECT_NEAR(lens.focal_px / true_focals_.at(id), 1.0, 0.02) << id;
+    }
   }
 
   static int NumInliers(const std::string& path) {
@@ -192,28 +208,14 @@ TEST_F(LensLearningTest, CamerasOfOneKindShareTheirDistortion) {
 }
 
 TEST_F(LensLearningTest, CamerasOfOneKindShareTheirFocalLength) {
-  const std::string path = MakeDatabase("one.db", {.focal_factor = 1.3,
-                                                   .has_prior = false,
-                                                   .own_cameras = true,
-                                                   .num_kinds = 1,
-                                                   .layout_of_own = CameraLayout::kLandmark});
+  const std::string path = MakeDatabase("one.db", kOneKindAround);
   Verify(path);
-  const std::map<camera_t, CameraLens> lenses = Database(path).ReadCameraLenses();
-  ASSERT_EQ(lenses.size(), 9u);
-  for (const auto& [id, lens] : lenses) {
-    EXPECT_TRUE(lens.is_focal_known) << id;
-    EXPECT_EQ(lens.focal_px, lenses.begin()->second.focal_px) << id;
-    EXPECT_NEAR(lens.focal_px / true_focals_.at(id), 1.0, 0.02) << id;
-  }
+  ExpectOneFocalLength(path);
 }
 
 // The center of a photograph on its side is elsewhere.
 TEST_F(LensLearningTest, UprightCamerasAndThoseOnTheirSideShareTheirFocalLength) {
-  const std::string path = MakeDatabase("one.db", {.focal_factor = 1.3,
-                                                   .has_prior = false,
-                                                   .own_cameras = true,
-                                                   .num_kinds = 1,
-                                                   .layout_of_own = CameraLayout::kLandmark});
+  const std::string path = MakeDatabase("one.db", kOneKindAround);
   {
     Database database(path);
     for (const Image& image : database.ReadImages()) {
@@ -229,13 +231,7 @@ TEST_F(LensLearningTest, UprightCamerasAndThoseOnTheirSideShareTheirFocalLength)
     }
   }
   Verify(path);
-  const std::map<camera_t, CameraLens> lenses = Database(path).ReadCameraLenses();
-  ASSERT_EQ(lenses.size(), 9u);
-  for (const auto& [id, lens] : lenses) {
-    EXPECT_TRUE(lens.is_focal_known) << id;
-    EXPECT_EQ(lens.focal_px, lenses.begin()->second.focal_px) << id;
-    EXPECT_NEAR(lens.focal_px / true_focals_.at(id), 1.0, 0.02) << id;
-  }
+  ExpectOneFocalLength(path);
 }
 
 // Photographs that join later begin with the lens that the others have learned.

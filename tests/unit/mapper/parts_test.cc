@@ -104,15 +104,20 @@ TEST(Parts, AFewImagesThatACameraJoinsAreNoModel) {
   EXPECT_EQ(result.models[0].images.size(), 8u);
 }
 
-// Of one camera whose focal length is a guess: the smaller model alone finds another.
-TEST(Parts, SmallModelsHaveTheIntrinsicsOfTheLargest) {
-  const Database first = Place(12, 6, 1), second = Place(7, 6, 1);
+// Two places, photographed with one camera.
+Database PlacesOfOneCamera(int num_images1, int num_images2) {
+  const Database first = Place(num_images1, 6, 1), second = Place(num_images2, 6, 1);
   Database both = Together({&first, &second});
   for (Image image : both.ReadImages()) {
     image.camera_id = 1001;
     both.WriteImage(image);
   }
-  const ReconstructResult result = Reconstruct(both);
+  return both;
+}
+
+// Of one camera whose focal length is a guess: the smaller model alone finds another.
+TEST(Parts, SmallModelsHaveTheIntrinsicsOfTheLargest) {
+  const ReconstructResult result = Reconstruct(PlacesOfOneCamera(12, 7));
   ASSERT_EQ(result.models.size(), 2u);
   EXPECT_EQ(result.models[0].images.size(), 12u);
   EXPECT_EQ(result.models[1].images.size(), 7u);
@@ -122,12 +127,7 @@ TEST(Parts, SmallModelsHaveTheIntrinsicsOfTheLargest) {
 
 // Input models of one camera are refined each, however large the others are.
 TEST(Parts, InputModelsKeepNoIntrinsicsOfOthers) {
-  const Database first = Place(12, 6, 1), second = Place(11, 6, 1);
-  Database both = Together({&first, &second});
-  for (Image image : both.ReadImages()) {
-    image.camera_id = 1001;
-    both.WriteImage(image);
-  }
+  const Database both = PlacesOfOneCamera(12, 11);
   std::vector<Reconstruction> models = Reconstruct(both).models;
   ASSERT_EQ(models.size(), 2u);
   const double focal = models[0].cameras.begin()->second.MeanFocal();
