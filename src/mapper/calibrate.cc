@@ -295,9 +295,8 @@ bool CalibrateSceneFocals(const ReconstructSettings& settings, const RunContext&
   stage.Add("pairs_agreeing", report.num_pairs_agreeing);
   std::set<camera_t> calibrated;
   for (const auto& [id, focal] : report.cameras) {
-    if (focal.status != FocalStatus::kCalibrated) continue;
-    calibrated.insert(id);
-    if (scene.cameras.at(id).has_prior_focal_length) scene.exif_by_pairs[id] = focal;
+    scene.focals_by_pairs[id] = focal;
+    if (focal.status == FocalStatus::kCalibrated) calibrated.insert(id);
   }
   Report(report, scene.cameras, stage);
   const bool is_sharing_disputed = IsSharingDisputed(report, scene);

@@ -8,18 +8,20 @@
 namespace cairn {
 namespace {
 
+// How much more many cameras explain than one for all where focal lengths absorb errors of other
+// kinds.
+constexpr double kAbsorbedErrors = 0.05;
+
 // Graph and models by one calibration.
 struct CalibratedResult {
   PartResult result;
   std::string origin;  // of the calibration, in words
-  bool shares_camera = false;
+  // Many cameras must explain so much more than one camera for all.
+  double least_gain = 0;
   std::set<image_t> left_exif;
 
-  // Many cameras must explain more than one camera for all by kModelErrors, which differ from
-  // photograph to photograph, and so must focal lengths far from EXIF's.
   double Score() const {
-    return result.evidence_nats -
-           (shares_camera ? 0 : kModelErrors * std::max(0.0, result.evidence_nats));
+    return result.evidence_nats - least_gain * std::max(0.0, result.evidence_nats);
   }
 };
 
@@ -29,7 +31,6 @@ CalibratedResult ReconstructCalibrated(const SceneData& scene,
   CalibratedResult calibrated;
   PartResult& result = calibrated.result;
   calibrated.origin = scene.origin;
-  calibrated.shares_camera = !scene.stored_cameras.empty();
   ViewGraphResult graph = BuildSceneGraph(scene, settings, run, result.report);
   if (result.report.Succeeded()) {
     StageContext context{scene, settings, run, result.report};
@@ -57,6 +58,7 @@ std::optional<CalibratedResult> AdjustModels(const SceneData& scene, const PartR
     adjusted.result.evidence_nats += EvidenceFor(context, model, graph).nats;
     for (const auto& [id, image] : model.images) context.taken.insert(id);
     ++context.model;
+    adjusted.result.models.push_back(std::move(model));
   }
   return adjusted;
 }
@@ -64,8 +66,10 @@ std::optional<CalibratedResult> AdjustModels(const SceneData& scene, const PartR
 // Reconstructs by one calibration after the other and keeps the best result.
 class CalibrationSearch {
  public:
-  CalibrationSearch(const ReconstructSettings& settings, const RunContext& run, SceneData& scene)
-      : settings_(settings), run_(run), scene_(scene) {
+  // may_share: one of the calibrations has one camera for many images.
+  CalibrationSearch(bool may_share, const ReconstructSettings& settings, const RunContext& run,
+                    SceneData& scene)
+      : may_share_(may_share), settings_(settings), run_(run), scene_(scene) {
     choice_.name = "calibration_choice";
   }
 
@@ -76,6 +80,9 @@ class CalibrationSearch {
     if (!is_first && run_.monitor.StopRequested()) return;
     if (!is_first) run_.monitor.Info("once more, with " + scene_.origin);
     CalibratedResult result = ReconstructCalibrated(scene_, {}, settings_, run_);
+    if (may_share_ && scene_.stored_cameras.empty()) {
+      result.least_gain = LeastGain(result.result.models);
+    }
     choice_.messages.push_back(std::to_string(std::llround(result.result.evidence_nats)) +
                                " nats of evidence with " + scene_.origin);
     if (is_first || result.Score() > least_share * best_.Score()) std::swap(result, best_);
@@ -89,15 +96,26 @@ class CalibrationSearch {
   bool SeparatePays() {
     if (run_.monitor.StopRequested()) return false;
     if (best_.result.models.empty()) return true;
-    const auto adjusted = AdjustModels(scene_, best_.result, settings_, run_);
+    separate_ = AdjustModels(scene_, best_.result, settings_, run_);
     choice_.messages.push_back(
-        (adjusted
-             ? std::to_string(std::llround(adjusted->result.evidence_nats)) + " nats of evidence"
+        (separate_
+             ? std::to_string(std::llround(separate_->result.evidence_nats)) + " nats of evidence"
              : "not enough memory to look") +
         " where these models have " + scene_.origin);
-    if (!adjusted) return false;
-    Keep(*adjusted);
-    return adjusted->Score() > best_.Score();
+    if (!separate_) return false;
+    Keep(*separate_);
+    separate_->least_gain = kModelErrors;
+    return separate_->Score() > best_.Score();
+  }
+
+  // The same, once pairs calibrated these cameras, and confirm the focal lengths of these models or
+  // not.
+  bool SeparateStillPays() {
+    if (!separate_) return true;
+    separate_->least_gain = LeastGain(separate_->result.models);
+    if (separate_->Score() > best_.Score()) return true;
+    choice_.messages.push_back("pairs do not confirm the focal lengths of these models");
+    return false;
   }
 
   // What was tried stays in the report.
@@ -115,16 +133,23 @@ class CalibrationSearch {
   }
 
  private:
+  // What separate cameras must explain more, if these models have them.
+  double LeastGain(std::span<const Reconstruction> models) const {
+    return PairsConfirmFocals(scene_, models) ? kModelErrors : kAbsorbedErrors;
+  }
+
   void Keep(const CalibratedResult& tried) {
     otherwise_ = std::max(otherwise_, tried.result.evidence_nats);
     const std::vector<StageReport>& stages = tried.result.report.stages;
     tried_.insert(tried_.end(), stages.begin(), stages.end());
   }
 
+  const bool may_share_;
   const ReconstructSettings& settings_;
   const RunContext& run_;
   SceneData& scene_;
   CalibratedResult best_;
+  std::optional<CalibratedResult> separate_;  // the best models, adjusted with separate cameras
   double otherwise_ = 0;
   std::vector<StageReport> tried_;
   StageReport choice_;  // a message for each calibration
@@ -164,7 +189,7 @@ PartResult SearchCalibration(const std::vector<std::set<image_t>>& of_one,
   std::optional<Calibration> stored;
   const auto refines_exif = [&](const auto& entry) { return RefinesExif(entry.second, scene); };
   if (std::ranges::any_of(scene.cameras, refines_exif)) stored = scene;
-  CalibrationSearch search(settings, run, scene);
+  CalibrationSearch search(!of_one.empty(), settings, run, scene);
   const auto calibrate_and_try = [&] {
     const bool is_disputed = Calibrate(settings, run, report, scene);
     search.Try();
@@ -175,7 +200,10 @@ PartResult SearchCalibration(const std::vector<std::set<image_t>>& of_one,
     Share(of_one, run, scene);
     const bool is_disputed = calibrate_and_try();
     calibration = std::move(separate);
-    if (is_disputed || search.SeparatePays()) calibrate_and_try();
+    if (is_disputed || search.SeparatePays()) {
+      Calibrate(settings, run, report, scene);
+      if (search.SeparateStillPays()) search.Try();
+    }
   } else {
     calibrate_and_try();
   }

@@ -26,9 +26,10 @@ std::set<image_t> ImagesThatLeftExif(const SceneData& scene, double exif_sigma,
       const Camera& known = scene.CameraOf(id);
       if (!RefinesExif(known, scene)) continue;
       const double focal = model.cameras.at(image.image.camera_id).MeanFocal();
-      const auto by_pairs = scene.exif_by_pairs.find(known.camera_id);
+      const auto by_pairs = scene.focals_by_pairs.find(known.camera_id);
       double exif = known.MeanFocal();
-      if (by_pairs != scene.exif_by_pairs.end()) {
+      if (by_pairs != scene.focals_by_pairs.end() &&
+          by_pairs->second.status == FocalStatus::kCalibrated) {
         const CalibratedFocal& found = by_pairs->second;
         exif = found.focal_before_px;
         if (!AreFar(focal, found.focal_px, found.sigma)) continue;

@@ -25,8 +25,8 @@ struct Calibration {
   std::map<camera_t, Camera> cameras;
   std::map<image_t, Image> images;
   std::vector<ViewEdge> edges;
-  std::map<image_t, camera_t> stored_cameras;         // of images that share one by ShareCamera
-  std::map<camera_t, CalibratedFocal> exif_by_pairs;  // what pairs found in place of EXIF's
+  std::map<image_t, camera_t> stored_cameras;  // of images that share one by ShareCamera
+  std::map<camera_t, CalibratedFocal> focals_by_pairs;
   std::map<camera_t, double> held_focals;  // standard deviations, as logarithms (HoldExif)
   std::string origin;                      // in words
 };

@@ -1,4 +1,6 @@
+#include <Eigen/Core>
 #include <algorithm>
+#include <cmath>
 #include <tuple>
 #include <utility>
 
@@ -118,7 +120,7 @@ void ShareCamera(const std::set<image_t>& images, Camera camera, const RunContex
   for (const camera_t id : ids) {
     are_alike &= scene.cameras.at(id).params == camera.params;
     scene.cameras.erase(id);
-    scene.exif_by_pairs.erase(id);
+    scene.focals_by_pairs.erase(id);
   }
   scene.cameras[camera.camera_id] = camera;
   for (auto& [id, image] : scene.images) {
@@ -127,6 +129,34 @@ void ShareCamera(const std::set<image_t>& images, Camera camera, const RunContex
   }
   if (are_alike) return;
   ImproveRelativePoses(ReadGeometriesOf({camera.camera_id}, scene), run, scene);
+}
+
+bool PairsConfirmFocals(const SceneData& scene, std::span<const Reconstruction> models) {
+  struct Found {
+    Eigen::Vector2d focals;  // logarithms: by pairs, by a model
+    double weight;
+  };
+  std::vector<Found> cameras;
+  Eigen::Vector2d mean = Eigen::Vector2d::Zero();
+  double total_weight = 0;
+  for (const Reconstruction& model : models) {
+    for (const auto& [id, camera] : model.cameras) {
+      const auto by_pairs = scene.focals_by_pairs.find(id);
+      if (by_pairs == scene.focals_by_pairs.end() || by_pairs->second.sigma <= 0) continue;
+      const CalibratedFocal& focal = by_pairs->second;
+      const double weight = 1 / (focal.sigma * focal.sigma);
+      cameras.push_back({{std::log(focal.focal_px), std::log(camera.MeanFocal())}, weight});
+      mean += weight * cameras.back().focals;
+      total_weight += weight;
+    }
+  }
+  mean /= total_weight;
+  Eigen::Matrix2d scatter = Eigen::Matrix2d::Zero();
+  for (const auto& [focals, weight] : cameras) {
+    scatter += weight * (focals - mean) * (focals - mean).transpose();
+  }
+  // Lin's concordance correlation coefficient (Biometrics 1989), but for the common factor.
+  return 2 * scatter(0, 1) > 0.5 * scatter.trace();
 }
 
 void UnshareCamera(const std::map<image_t, camera_t>& stored, Reconstruction& model) {

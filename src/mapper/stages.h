@@ -123,6 +123,10 @@ Camera MedianCamera(std::vector<Camera> cameras);
 // Gives these images one camera, and improves the poses of their pairs where that changes lenses.
 void ShareCamera(const std::set<image_t>& images, Camera camera, const RunContext& run,
                  SceneData& scene);
+// Whether pairs and models find the same cameras to have the longer focal lengths, by about as
+// much: more than half of the variance of their logarithms is common to both. Where focal lengths
+// absorb other errors instead (a rolling shutter, wrong distortion), little of it is.
+bool PairsConfirmFocals(const SceneData& scene, std::span<const Reconstruction> models);
 // Gives images that share a camera by that a camera each again, as they are stored: equal ones.
 void UnshareCamera(const std::map<image_t, camera_t>& stored, Reconstruction& model);
 

@@ -127,6 +127,53 @@ TEST(SharedCamera, IsNotForcedOnImagesOfSeveral) {
   }
 }
 
+// Where image centers move, as those of stabilized lenses do, separate focal lengths absorb some of
+// that: they have more evidence, but pairs find others.
+TEST(SharedCamera, StaysWhereFocalLengthsAbsorbOtherErrors) {
+  const SyntheticScene scene = SceneOfOneCamera();
+  Database database = WithACameraEach(scene, 1.2);
+  const double focal = scene.cameras.at(1).MeanFocal();
+  for (const Image& image : scene.images) {
+    const double x = 0.06 * focal * std::sin(5.0 * image.image_id);
+    const double y = -x * std::cos(7.0 * image.image_id);
+    std::vector<Keypoint> keypoints = scene.keypoints.at(image.image_id);
+    for (Keypoint& keypoint : keypoints) {
+      keypoint.x += static_cast<float>(x);
+      keypoint.y += static_cast<float>(y);
+    }
+    database.WriteKeypoints(image.image_id, keypoints);
+  }
+  const ReconstructResult result = Reconstruct(database);
+  ASSERT_EQ(result.models.size(), 1u);
+  EXPECT_THAT(FindStage(result.report, "calibration_choice")->messages,
+              ElementsAre(HasSubstr("with one camera for 12 images"),
+                          HasSubstr("where these models have the cameras of"),
+                          "pairs do not confirm the focal lengths of these models",
+                          "the models are those with one camera for 12 images"));
+  EXPECT_EQ(IntrinsicsOf(result.models.front()).size(), 1u);
+}
+
+TEST(SharedCamera, IsLeftWherePairsConfirmTheFocalLengthsOfModels) {
+  SceneData scene;
+  Reconstruction model;
+  for (camera_t id = 1; id <= 6; ++id) {
+    model.cameras[id] =
+        Camera::FromFocal(id, CameraModel::kSimpleRadial, 1000 + 10 * id, 1600, 1200);
+    scene.focals_by_pairs[id].sigma = 0.03;
+  }
+  const auto are_confirmed = [&](const auto& focal_by_pairs) {
+    for (auto& [id, focal] : scene.focals_by_pairs) focal.focal_px = focal_by_pairs(id);
+    return PairsConfirmFocals(scene, std::vector{model});
+  };
+  EXPECT_TRUE(are_confirmed([](double id) { return 1000 + 10 * id; }));
+  EXPECT_TRUE(are_confirmed([](double id) { return 1.2 * (1000 + 10 * id); }));
+  EXPECT_FALSE(are_confirmed([](double) { return 1000; }));
+  EXPECT_FALSE(are_confirmed([](double id) { return 1000 - 10 * id; }));
+  EXPECT_FALSE(are_confirmed([](double id) { return 1000 + 2 * id; }));
+  EXPECT_FALSE(are_confirmed([](double id) { return 1000 + 50 * id; }));
+  EXPECT_FALSE(PairsConfirmFocals(SceneData(), std::vector{model}));
+}
+
 // By a lens that was zoomed in between, which pairs tell: separate cameras are tried whatever
 // became of the models of one.
 TEST(SharedCamera, IsDisputedByPairsOfTwoLenses) {
