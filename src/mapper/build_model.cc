@@ -63,17 +63,23 @@ std::vector<size_t> FindDuplicates(StageContext& context, const ViewGraph& graph
 }
 
 // False: the model is not fit to be written, and the report has the failure.
+bool IsFit(StageContext& context, const Reconstruction& model) {
+  const std::string reason = ReasonToRefuse(model);
+  if (reason.empty()) return true;
+  ModelStage stage(context, "checks");
+  stage.Fail("the model was refused: " + reason,
+             context.has_mostly_parallel_rays
+                 ? "most of what the photos share shows no parallax: take some from other places"
+                 : "look at the view graph with global_sfm inspect, and add photos that overlap "
+                   "more");
+  return false;
+}
+
+// As above.
 bool CheckModel(StageContext& context, size_t num_images, const ModelEvidence& evidence,
                 Reconstruction& model) {
+  if (!IsFit(context, model)) return false;
   ModelStage stage(context, "checks");
-  if (const std::string reason = ReasonToRefuse(model); !reason.empty()) {
-    stage.Fail("the model was refused: " + reason,
-               context.has_mostly_parallel_rays
-                   ? "most of what the photos share shows no parallax: take some from other places"
-                   : "look at the view graph with global_sfm inspect, and add photos that overlap "
-                     "more");
-    return false;
-  }
   const std::string percent = std::to_string(std::lround(100 * evidence.inside.Share()));
   stage.Note("a model of " + std::to_string(model.images.size()) + " of " +
              std::to_string(std::max(num_images, model.images.size())) + " images explains " +
@@ -171,8 +177,8 @@ BuiltModel BuildBest(StageContext& context, std::span<const image_t> component,
   return best;
 }
 
-// Intrinsics and places of the model that was chosen. False: there is not enough memory, and the
-// report has the failure.
+// Intrinsics and places of the model that was chosen. False: there is not enough memory, or little
+// is left of the model, and the report has the failure.
 bool ImproveBest(StageContext& context, BuiltModel& best) {
   context.min_angle_deg = best.min_angle_deg;
   if (ChooseLensModels(context, best)) {
@@ -187,6 +193,7 @@ bool ImproveBest(StageContext& context, BuiltModel& best) {
   }
   if (!RefineWithMovedIntrinsics(context, best.graph, *best.model)) return false;
   AdjustToPlaces(context, *best.model);
+  if (!IsFit(context, *best.model)) return false;
   best.model->UpdatePointErrors(context.run.num_threads);
   best.evidence = EvidenceFor(context, *best.model, best.graph);
   return true;

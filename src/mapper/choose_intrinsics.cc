@@ -261,10 +261,14 @@ bool FreePrincipalPoints(StageContext& context, const ViewGraph& graph, bool is_
   if (taken) {
     for (const camera_t id : wanted) {
       TakePosterior(context, model.cameras.at(id), taken->deviate, taken->model.cameras.at(id));
-      context.run.monitor.Info(FoundText(id, model, *taken));
     }
+    AdjustModel(context, kIterations, taken->model);
+    // Poses that fit principal points far away may not survive what is left of the way there.
+    if (taken->model.images.size() < model.images.size()) taken.reset();
+  }
+  if (taken) {
+    for (const camera_t id : wanted) context.run.monitor.Info(FoundText(id, model, *taken));
     model = std::move(taken->model);
-    AdjustModel(context, kIterations, model);
   }
   if (model.NumObservations() <= kMaxObservationsToLook) {
     if (const auto left =
