@@ -32,7 +32,7 @@ struct InspectFlags {
              "list of a Bundler model's images; default: list.txt beside it");
     v.String("pairs_csv", pairs_csv,
              "CSV file for every pair with matches: name1,name2,matches,inliers,iterations,ms, "
-             "cam2_from_cam1 (qw,qx,qy,qz,tx,ty,tz)");
+             "cam2_from_cam1 (qw,qx,qy,qz,tx,ty,tz; empty: unknown)");
     v.String("pairs_verifier", pairs_verifier,
              "the verifier whose results go to pairs_csv; default: the chosen results");
     v.String("graph_json", graph_json, "JSON file for the view graph");

@@ -68,7 +68,9 @@ std::vector<PairRow> ReadPairRows(const Database& database, const std::string& v
     row.num_matches = num_matches;
     if (const auto edge = edges.find(pair_id); edge != edges.end()) {
       row.num_inliers = edge->second.num_inliers;
-      row.cam2_from_cam1 = edge->second.cam2_from_cam1;
+      if (edge->second.removal != EdgeRemoval::kNoPose) {
+        row.cam2_from_cam1 = edge->second.cam2_from_cam1;
+      }
     }
     const auto found = metrics.find(pair_id);
     if (found == metrics.end()) continue;
@@ -78,7 +80,7 @@ std::vector<PairRow> ReadPairRows(const Database& database, const std::string& v
           1e3 * database.ReadTiming(kStageVerification, pair_id, m.verifier).value_or(0.0);
       if (verifier.empty() || m.status != PairStatusName(PairStatus::kVerified)) continue;
       row.num_inliers = m.num_inliers;
-      if (m.cam2_from_cam1) row.cam2_from_cam1 = *m.cam2_from_cam1;
+      row.cam2_from_cam1 = m.cam2_from_cam1;
     }
   }
   return rows;
@@ -90,10 +92,12 @@ std::string FormatPairsCsv(const std::vector<PairRow>& rows) {
     text += CsvField(row.name1) + "," + CsvField(row.name2) + "," +
             std::to_string(row.num_matches) + "," + std::to_string(row.num_inliers) + "," +
             std::to_string(row.num_iterations);
-    const Eigen::Quaterniond& q = row.cam2_from_cam1.rotation;
-    const Eigen::Vector3d& t = row.cam2_from_cam1.translation;
-    for (const double v : {row.milliseconds, q.w(), q.x(), q.y(), q.z(), t.x(), t.y(), t.z()}) {
-      Append(v, text);
+    Append(row.milliseconds, text);
+    if (row.cam2_from_cam1) {
+      const auto& [q, t] = *row.cam2_from_cam1;
+      for (const double v : {q.w(), q.x(), q.y(), q.z(), t.x(), t.y(), t.z()}) Append(v, text);
+    } else {
+      text += ",,,,,,,";
     }
     text += "\n";
   }

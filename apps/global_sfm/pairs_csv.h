@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -14,7 +15,7 @@ struct PairRow {
   int num_inliers = 0;  // 0: rejected or not tried
   int64_t num_iterations = 0;
   double milliseconds = 0;  // the pair's whole verification
-  Rigid3d cam2_from_cam1;   // identity where no pose is known
+  std::optional<Rigid3d> cam2_from_cam1;
 };
 
 // One row for every two images with matches, in the order of the pair ids. `verifier` "": what
@@ -23,8 +24,8 @@ struct PairRow {
 // IoError.
 std::vector<PairRow> ReadPairRows(const Database& database, const std::string& verifier);
 
-// name1,name2,matches,inliers,iterations,ms,qw,qx,qy,qz,tx,ty,tz with a header line; names with
-// commas or quotes are quoted (RFC 4180).
+// name1,name2,matches,inliers,iterations,ms,qw,qx,qy,qz,tx,ty,tz with a header line; the last seven
+// are empty where no pose is known. Names with commas or quotes are quoted (RFC 4180).
 std::string FormatPairsCsv(const std::vector<PairRow>& rows);
 
 }  // namespace cairn

@@ -66,7 +66,7 @@ TEST_F(PairsCsv, ChosenResults) {
   EXPECT_EQ(rows[0].num_inliers, 40);
   EXPECT_EQ(rows[0].num_iterations, 130 + 140);
   EXPECT_NEAR(rows[0].milliseconds, 10.5, 1e-9);
-  EXPECT_LT(AngleBetween(rows[0].cam2_from_cam1.rotation, Pose(0.4).rotation), 1e-12);
+  EXPECT_LT(AngleBetween(rows[0].cam2_from_cam1->rotation, Pose(0.4).rotation), 1e-12);
   EXPECT_EQ(rows[1].num_inliers, 0);
   EXPECT_EQ(rows[1].num_iterations, 200);
   EXPECT_NEAR(rows[1].milliseconds, 10.5, 1e-9);
@@ -82,7 +82,7 @@ TEST_F(PairsCsv, ResultsOfOneVerifier) {
   EXPECT_EQ(rows[0].num_inliers, 30);
   EXPECT_EQ(rows[0].num_iterations, 130);
   EXPECT_NEAR(rows[0].milliseconds, 10, 1e-9);
-  EXPECT_LT(AngleBetween(rows[0].cam2_from_cam1.rotation, Pose(0.3).rotation), 1e-12);
+  EXPECT_LT(AngleBetween(rows[0].cam2_from_cam1->rotation, Pose(0.3).rotation), 1e-12);
   EXPECT_EQ(rows[1].num_inliers, 0);
   EXPECT_THAT(ThrownMessage<ConfigError>([&] { ReadPairRows(database_, "two_ac"); }),
               HasSubstr("'two_ac' was not run; the database has five_point, "
@@ -96,14 +96,28 @@ TEST_F(PairsCsv, AVerifiedPairNeedsNoPose) {
   database_.WritePairMetrics(of_f);
   const std::vector<PairRow> rows = ReadPairRows(database_, "five_point");
   EXPECT_EQ(rows[1].num_inliers, 25);
-  EXPECT_TRUE(rows[1].cam2_from_cam1.translation.isZero());
+  EXPECT_FALSE(rows[1].cam2_from_cam1);
+}
+
+// Neither rejected pairs nor those of a mark in the frame have a pose.
+TEST_F(PairsCsv, PairsWithoutPoseHaveNone) {
+  TwoViewGeometry geometry;
+  geometry.config = TwoViewConfig::kWatermark;
+  geometry.inlier_matches.assign(20, FeatureMatch{1, 2});
+  database_.WriteTwoViewGeometry(p23_, geometry);
+  const std::vector<PairRow> rows = ReadPairRows(database_, "");
+  EXPECT_TRUE(rows[0].cam2_from_cam1);
+  EXPECT_FALSE(rows[1].cam2_from_cam1);
+  EXPECT_EQ(rows[2].num_inliers, 20);
+  EXPECT_FALSE(rows[2].cam2_from_cam1);
+  EXPECT_THAT(FormatPairsCsv(rows), HasSubstr("c.jpg,50,20,0,0,,,,,,,\n"));
 }
 
 TEST_F(PairsCsv, TextIsWhatOthersExpect) {
   const std::string csv = FormatPairsCsv(ReadPairRows(database_, "five_point"));
   EXPECT_THAT(csv, HasSubstr("name1,name2,matches,inliers,iterations,ms,qw,qx,qy,qz,tx,ty,tz\n"
                              "a.jpg,\"b, \"\"2\"\".jpg\",50,30,130,10,0.98"));
-  EXPECT_THAT(csv, HasSubstr(",0.6,0,0.8\na.jpg,c.jpg,50,0,100,10,1,0,0,0,0,0,0\n"));
+  EXPECT_THAT(csv, HasSubstr(",0.6,0,0.8\na.jpg,c.jpg,50,0,100,10,,,,,,,\n"));
   EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), 4);
 }
 
