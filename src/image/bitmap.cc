@@ -27,6 +27,8 @@ Bitmap ReadBitmap(const std::string& path, BitmapColor color) {
   return DecodeImage(path, ReadImageFile(path), color);
 }
 
+Bitmap ReadMask(const std::string& path) { return DecodeMask(path, ReadImageFile(path)); }
+
 std::optional<Bitmap> ReadOpacity(const std::string& path) {
   constexpr size_t kHeadSize = 32;
   if (!MayHaveOpacity(ReadFile(path, kHeadSize))) return std::nullopt;

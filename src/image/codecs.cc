@@ -76,7 +76,7 @@ int NumBits(double largest) {
 }
 
 // Thermal cameras write temperatures, in a narrow range far above 0. Where fewer bits hold what
-// values are more than the least one, that much of them. (Masks may be white all over.)
+// values are more than the least one, that much of them. (One value all over stays.)
 cv::Mat AboveLeast(const cv::Mat& image) {
   if (image.depth() != CV_16U) return image;
   double least = 0, largest = 0;
@@ -87,11 +87,16 @@ cv::Mat AboveLeast(const cv::Mat& image) {
   return above;
 }
 
+void CheckBits(const std::string& path, const cv::Mat& image) {
+  if (image.depth() == CV_8U || image.depth() == CV_16U) return;
+  throw IoError(path, "cannot be decoded: not of 8 or 16 bits");
+}
+
 // Cameras of 10 to 14 bits leave the upper bits of 16 empty: of those that an image uses, the eight
 // uppermost.
 cv::Mat EightBits(const std::string& path, const cv::Mat& image) {
+  CheckBits(path, image);
   if (image.depth() == CV_8U) return image;
-  if (image.depth() != CV_16U) throw IoError(path, "cannot be decoded: not of 8 or 16 bits");
   double largest = 0;
   cv::minMaxIdx(image.reshape(1), nullptr, &largest);
   const int num_bits = NumBits(largest);
@@ -143,6 +148,17 @@ Bitmap DecodeImage(const std::string& path, std::string_view bytes, BitmapColor 
   bitmap.data.resize(image.total() * image.channels());
   SwapRedBlue(image, View(bitmap));
   return bitmap;
+}
+
+Bitmap DecodeMask(const std::string& path, std::string_view bytes) {
+  const cv::Mat image = DecodeToMat(
+      path, bytes, cv::IMREAD_GRAYSCALE | cv::IMREAD_IGNORE_ORIENTATION | cv::IMREAD_ANYDEPTH);
+  CheckBits(path, image);
+  Bitmap mask{image.cols, image.rows, 1, {}};
+  mask.data.resize(image.total());
+  cv::Mat to = View(mask);
+  image.convertTo(to, CV_8U);  // 255 where it is more
+  return mask;
 }
 
 bool MayHaveOpacity(std::string_view bytes) {

@@ -14,6 +14,8 @@ namespace cairn {
 // reduction: 1, or 2, 4 or 8, by which both sides are divided (at once, in a JPEG).
 Bitmap DecodeImage(const std::string& path, std::string_view bytes, BitmapColor color,
                    int reduction = 1);
+// As ReadMask.
+Bitmap DecodeMask(const std::string& path, std::string_view bytes);
 // May a PNG or WebP file that begins so have a channel of opacity, or a palette with opacities?
 // (ISO 15948, 11.2.2, the color type; RFC 9649, 2.7.)
 bool MayHaveOpacity(std::string_view bytes);

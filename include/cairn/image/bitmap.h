@@ -25,6 +25,8 @@ enum class BitmapColor { kGray, kRgb };
 // Decodes a photograph without rotating it by its EXIF orientation, as COLMAP does. Throws IoError
 // with the path and the reason (absent, empty, truncated, not an image).
 Bitmap ReadBitmap(const std::string& path, BitmapColor color);
+// A mask, gray: 0 where the file has 0, which is black, and nowhere else. Throws IoError.
+Bitmap ReadMask(const std::string& path);
 // The opacity of a PNG or WebP file that has one (0: nothing is to be seen); nullopt: it has none.
 std::optional<Bitmap> ReadOpacity(const std::string& path);
 // A photograph at a half, a quarter or an eighth of its size, while its longer side keeps so many

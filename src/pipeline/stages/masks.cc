@@ -55,7 +55,7 @@ Features ExtractPhoto(const PhotoPaths& photo, const ImageSize& camera_size,
   }
   std::optional<Bitmap> mask = ReadOpacity(photo.path);
   if (!photo.mask_path.empty()) {
-    Intersect(ReadBitmap(photo.mask_path, BitmapColor::kGray), mask);
+    Intersect(ReadMask(photo.mask_path), mask);
     CheckSize(photo.mask_path, {mask->width, mask->height}, size);
     if (const auto opacity = ReadOpacity(photo.mask_path)) Intersect(*opacity, mask);
   }

@@ -263,9 +263,21 @@ TEST(Bitmap, OfANarrowRangeFarAboveZeroEveryBitIsRead) {
     EXPECT_EQ(ReadBitmap(folder / "a.png", BitmapColor::kGray).data, bitmap.data) << channels;
     EXPECT_EQ(*ReadBitmap(folder / "a.png", BitmapColor::kRgb).Pixel(3, 4), *bitmap.Pixel(3, 4));
   }
-  cv::imwrite(folder / "mask.png", cv::Mat(23, 37, CV_16U, cv::Scalar(65535)));
-  EXPECT_EQ(ReadBitmap(folder / "mask.png", BitmapColor::kGray).data,
+  cv::imwrite(folder / "white.png", cv::Mat(23, 37, CV_16U, cv::Scalar(65535)));
+  EXPECT_EQ(ReadBitmap(folder / "white.png", BitmapColor::kGray).data,
             std::vector<uint8_t>(23 * 37, 255));
+}
+
+// Numbers of objects, for one, or grays of which none is black.
+TEST(Bitmap, AMaskIsBlackOnlyWhereItIsZero) {
+  const TempFolder folder;
+  cv::Mat wide = (cv::Mat_<uint16_t>(1, 5) << 0, 1, 300, 40000, 65535);
+  cv::imwrite(folder / "wide.png", wide);
+  EXPECT_THAT(ReadMask(folder / "wide.png").data, ElementsAre(0, 1, 255, 255, 255));
+  cv::imwrite(folder / "gray.png", wide.colRange(3, 5));
+  EXPECT_THAT(ReadMask(folder / "gray.png").data, ElementsAre(255, 255));
+  WriteBitmap(folder / "narrow.png", {3, 1, 1, {0, 1, 255}});
+  EXPECT_THAT(ReadMask(folder / "narrow.png").data, ElementsAre(0, 1, 255));
 }
 
 TEST(Bitmap, OpacityIsReadWhereThereIsOne) {
