@@ -12,6 +12,7 @@
 #include "common/run_flags.h"
 #include "common/run_page.h"
 #include "global_sfm/commands.h"
+#include "global_sfm/image_ids.h"
 #include "global_sfm/run_folder.h"
 
 namespace cairn {
@@ -73,7 +74,7 @@ int Run(Command& command, ReportFlags& flags) {
   const Database database(flags.database_path, Database::Mode::kSnapshot);
   RunFolder run;
   if (folder.empty()) {
-    run.models.push_back(ReadModel(flags.model_path));
+    run.models.push_back(WithImageIdsOf(database.ReadImages(), ReadModel(flags.model_path)));
     run.model_names.push_back(fs::path(flags.model_path).lexically_normal().string());
     run.graph = GraphOf(database);
   } else {
