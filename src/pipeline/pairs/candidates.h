@@ -1,9 +1,5 @@
 #pragma once
 
-#include <map>
-#include <string>
-#include <vector>
-
 #include "cairn/base/run_context.h"
 #include "cairn/database/database.h"
 #include "cairn/pair_selection/pair_selection.h"

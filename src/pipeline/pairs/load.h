@@ -3,7 +3,6 @@
 #include <functional>
 #include <map>
 #include <string>
-#include <vector>
 
 #include "cairn/database/database.h"
 #include "database/match_origins.h"
