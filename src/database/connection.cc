@@ -67,13 +67,12 @@ void Open(Database::Impl& impl, Database::Mode mode) {
   }
   int flags = SQLITE_OPEN_NOMUTEX | SQLITE_OPEN_EXRESCODE;
   std::string name = impl.path;
-  if (IsReadOnly(mode)) {
-    flags |= SQLITE_OPEN_READONLY;
-    if (MustOpenImmutable(impl.path)) {
-      name = FileUri(impl.path) + "?immutable=1";
-      flags |= SQLITE_OPEN_URI;
-    }
+  if (IsReadOnly(mode) && MustOpenImmutable(impl.path)) {
+    name = FileUri(impl.path) + "?immutable=1";
+    flags |= SQLITE_OPEN_READONLY | SQLITE_OPEN_URI;
   } else {
+    // For reading alone, too: of connections that may not write, the last one leaves the log and
+    // its index beside the file.
     flags |= SQLITE_OPEN_READWRITE;
     if (mode == Database::Mode::kCreateOrOpen) flags |= SQLITE_OPEN_CREATE;
   }
@@ -172,6 +171,7 @@ std::unique_ptr<Database::Impl> OpenConnection(const std::string& path, Database
   }
   AdaptOldTables(*impl, is_read_only);
   impl->Execute(sql::kCreateUsableImages);
+  if (is_read_only) impl->Execute("PRAGMA query_only = ON;");
   impl->has_rigs = TableExists(*impl, "rigs") && TableExists(*impl, "frame_data");
   impl->has_descriptor_types = ColumnExists(*impl, "descriptors", "type");
   if (mode == Database::Mode::kSnapshot) impl->Execute("BEGIN;");

@@ -148,6 +148,22 @@ TEST_F(DatabaseFailureTest, ASnapshotDoesNotSeeWhatIsWrittenLater) {
   EXPECT_EQ(snapshot.ReadImages().size(), 2u);
 }
 
+TEST_F(DatabaseFailureTest, WhoOnlyReadsWritesNothingAndLeavesNoFiles) {
+  {
+    Database database(Path());
+    WriteImages(database, 2);
+  }
+  for (const auto mode : {Database::Mode::kReadOnly, Database::Mode::kSnapshot}) {
+    {
+      Database database(Path(), mode);
+      EXPECT_EQ(database.ReadImages().size(), 2u);
+      EXPECT_THROW(WriteImages(database, 3), IoError);
+    }
+    EXPECT_FALSE(fs::exists(Path() + "-wal"));
+    EXPECT_FALSE(fs::exists(Path() + "-shm"));
+  }
+}
+
 TEST_F(DatabaseFailureTest, ReadOnlyFoldersCanBeReadAndNotWritten) {
   {
     Database database(Path());
