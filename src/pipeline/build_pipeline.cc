@@ -292,7 +292,8 @@ std::optional<Helpers> FindHelpers(const BuildPipelineOptions& options, const Ru
                        std::string(NameOf(kVerifierChoices, options.inputs.verifier)),
                        options.features,
                        options.matching,
-                       options.verification};
+                       options.verification,
+                       /*num_on_machine=*/1};
   // As much as a tile has (MatchAll), so that an image travels once a tile.
   return Helpers(*peers, setup, GibToBytes(options.scheduler.max_memory_gib) / 2, run);
 }

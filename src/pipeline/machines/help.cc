@@ -105,8 +105,10 @@ int64_t AvailableBytes() {
 // The way of features: planes that wait for the next photograph, and no more photographs at a time
 // than there is memory for.
 struct Extraction {
+  explicit Extraction(int num_on_machine) : memory(AvailableBytes() / num_on_machine) {}
+
   PlaneReuse reuse;
-  MemoryGate memory{AvailableBytes()};
+  MemoryGate memory;
 };
 
 // What one helper has: the setup, and images for pairs to come.
@@ -176,7 +178,7 @@ class Helper {
     if (kind != TaskKind::kExtract) {
       extraction_.reset();
     } else if (!extraction_) {
-      extraction_ = std::make_shared<Extraction>();
+      extraction_ = std::make_shared<Extraction>(setup_.num_on_machine);
     }
     for (const image_t id : source.Get<std::vector<image_t>>()) images_.erase(id);
     for (auto num = source.Get<int64_t>(); num > 0; --num) {

@@ -17,12 +17,11 @@ constexpr int64_t kMaxPairsPerThread = 256;
 
 }  // namespace
 
-Helpers::Helpers(Peers& peers, const HelperSetup& setup, int64_t max_image_bytes,
-                 const RunContext& run)
+Helpers::Helpers(Peers& peers, HelperSetup setup, int64_t max_image_bytes, const RunContext& run)
     : peers_(peers),
       max_unsent_bytes_(max_image_bytes / 4),
-      helpers_(static_cast<size_t>(peers.size() - 1), Helper{"", 1, HeldImages(max_image_bytes)}),
-      build_hash_(HelperHello::OfThisProcess().build_hash) {
+      helpers_(static_cast<size_t>(peers.size() - 1),
+               Helper{"", "", 1, HeldImages(max_image_bytes)}) {
   for (int num_known = 1; num_known < peers.size() && !run.monitor.StopRequested();) {
     const auto message = peers.Receive();
     if (message) {
@@ -41,6 +40,7 @@ Helpers::Helpers(Peers& peers, const HelperSetup& setup, int64_t max_image_bytes
     const Helper& helper = helpers_[rank - 1];
     run.monitor.Info(helper.name + " helps, with " + std::to_string(helper.num_threads) +
                      (helper.num_threads == 1 ? " thread" : " threads"));
+    setup.num_on_machine = num_on_host_.at(helper.host);
     ByteSink message;
     message(MessageKind::kSetup, setup);
     peers.Send(rank, message.Take());
@@ -54,9 +54,11 @@ void Helpers::ReceiveHello(const Peers::Message& message, int num_threads) {
   CAIRN_CHECK(source.Get<MessageKind>() == MessageKind::kHello);
   const HelperHello hello = source.Get<HelperHello>();
   Helper& helper = helpers_[message.from - 1];
+  helper.host = hello.host;
+  ++num_on_host_[hello.host];
   helper.name = rank + " on " + hello.host;
   helper.num_threads = std::max(1, num_threads > 0 ? num_threads : hello.num_threads);
-  if (hello.build_hash != build_hash_) wrong_build_ = helper.name;
+  if (hello.build_hash != own_hello_.build_hash) wrong_build_ = helper.name;
 }
 
 HelperLoop::HelperLoop(Helpers* helpers, HelperWork work, const RunContext& run)

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <exception>
 #include <functional>
+#include <map>
 #include <string>
 #include <thread>
 #include <vector>
@@ -22,12 +23,16 @@ class Helpers {
  public:
   // Tells them the setup. A helper keeps at most max_image_bytes of images for pairs to come.
   // Throws ConfigError naming a helper that runs another build.
-  Helpers(Peers& peers, const HelperSetup& setup, int64_t max_image_bytes, const RunContext& run);
+  Helpers(Peers& peers, HelperSetup setup, int64_t max_image_bytes, const RunContext& run);
+
+  // Ranks on this machine, this process included: they share its memory.
+  int NumOnThisMachine() const { return num_on_host_.at(own_hello_.host); }
 
  private:
   friend class HelperLoop;
 
   struct Helper {
+    std::string host;
     std::string name;  // "rank 2 on node7"
     int num_threads = 1;
     HeldImages images;
@@ -39,8 +44,9 @@ class Helpers {
   Peers& peers_;
   const int64_t max_unsent_bytes_;
   std::vector<Helper> helpers_;  // rank 1 first
-  uint64_t build_hash_ = 0;
-  std::string wrong_build_;  // its name
+  const HelperHello own_hello_ = HelperHello::OfThisProcess();
+  std::map<std::string, int> num_on_host_ = {{own_hello_.host, 1}};  // ranks
+  std::string wrong_build_;                                          // its name
 };
 
 // A stage's tasks, as HelperLoop takes them. All run in its thread.

@@ -42,6 +42,7 @@ struct HelperSetup {
   FeatureOptions features;
   MatchingOptions matching;
   TwoViewOptions verification;
+  int num_on_machine = 1;  // ranks that share the memory of its machine, itself included
 };
 
 // A photograph whose features are wanted.
@@ -75,7 +76,7 @@ void VisitBytes(auto& bytes, Is<HelperHello> auto& hello) {
 }
 void VisitBytes(auto& bytes, Is<HelperSetup> auto& setup) {
   bytes(setup.seed, setup.num_threads, setup.verifier, setup.features, setup.matching,
-        setup.verification);
+        setup.verification, setup.num_on_machine);
 }
 void VisitBytes(auto& bytes, Is<PhotoTask> auto& task) {
   bytes(task.item, task.photo.path, task.photo.mask_path, task.camera_size, task.input_hash);

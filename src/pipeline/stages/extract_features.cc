@@ -67,16 +67,18 @@ void WriteFailure(Database& database, const std::string& folder, const FeatureIt
   database.DeleteImage(item.image.image_id);
 }
 
-// Threads for whose photographs there is memory: the largest ones side by side.
+// Threads for whose photographs there is memory: the largest ones side by side, and those of the
+// other ranks on this machine.
 int NumExtractingThreads(const FeatureOptions& options, const std::vector<FeatureItem>& items,
-                         const RunContext& run) {
+                         const Helpers* helpers, const RunContext& run) {
   int64_t most_bytes = 1;
   for (const FeatureItem& item : items) {
     most_bytes = std::max(most_bytes, ExtractionBytes(item.camera_size, options));
   }
   const int num_threads = EffectiveNumThreads(run.num_threads);
-  const int64_t available = ReadMemoryUse().available;
+  int64_t available = ReadMemoryUse().available;
   if (available < 0) return num_threads;
+  if (helpers != nullptr) available /= helpers->NumOnThisMachine();
   const auto num = static_cast<int>(std::clamp<int64_t>(available / most_bytes, 1, num_threads));
   if (num < num_threads) {
     run.monitor.Info(
@@ -90,7 +92,7 @@ void ExtractAll(const std::string& database_path, const FeatureOptions& options,
                 Helpers* helpers, FeatureWork& work) {
   const std::string& image_path = work.image_path;
   std::vector<FeatureItem>& items = work.items;
-  run.num_threads = NumExtractingThreads(options, items, run);
+  run.num_threads = NumExtractingThreads(options, items, helpers, run);
   const PlaneReuse reuse;
   DatabaseWriter writer(database_path, {.max_queue_size = 8});  // an image's features are megabytes
   const auto finish = [&](FeatureItem& item, Features features) {

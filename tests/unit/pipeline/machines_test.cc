@@ -216,6 +216,28 @@ TEST_F(MachinesTest, AnotherBuildIsRefused) {
               HasSubstr("rank 1 on"));
 }
 
+// Ranks 1 and 3 share a machine, which is not rank 0's; rank 2 shares that.
+TEST_F(MachinesTest, RanksThatShareAMachineShareItsMemory) {
+  ThreadJob job(4);
+  std::vector<int> num_on_machine(4);
+  const auto help = [&](Peers& peers) {
+    HelperHello hello = HelperHello::OfThisProcess();
+    if (peers.rank() != 2) hello.host += "-other";
+    ByteSink message;
+    message(MessageKind::kHello, hello);
+    peers.Send(0, message.Take());
+    std::optional<Peers::Message> setup;
+    while (!(setup = peers.Receive())) peers.Pause();
+    ByteSource source(setup->bytes);
+    source.Get<MessageKind>();
+    num_on_machine[peers.rank()] = source.Get<HelperSetup>().num_on_machine;
+    peers.Send(0, "");
+  };
+  EXPECT_THAT(ThrownMessage<IoError>([&] { job.Run(Options("a.db"), {}, help); }),
+              HasSubstr("left the job"));
+  EXPECT_THAT(num_on_machine, ElementsAre(0, 2, 2, 2));
+}
+
 template <class T>
 T Received(const T& sent) {
   ByteSink sink;
@@ -257,6 +279,7 @@ TEST(MachineMessages, OptionsArriveAsTheyWere) {
   HelperSetup setup;
   setup.seed = 5;
   setup.num_threads = 3;
+  setup.num_on_machine = 2;
   setup.verifier = "both";
   setup.features.type = FeatureType::kSift;
   setup.features.peak_threshold = 0.1;
@@ -265,6 +288,7 @@ TEST(MachineMessages, OptionsArriveAsTheyWere) {
   const auto got = Received(setup);
   EXPECT_EQ(got.seed, 5u);
   EXPECT_EQ(got.num_threads, 3);
+  EXPECT_EQ(got.num_on_machine, 2);
   EXPECT_EQ(got.verifier, "both");
   EXPECT_EQ(DumpOptions(got.features), DumpOptions(setup.features));
   EXPECT_EQ(DumpOptions(got.matching), DumpOptions(setup.matching));
