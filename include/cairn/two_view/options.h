@@ -61,7 +61,7 @@ struct TwoViewOptions {
           "most five-point samples of a pair after the other steps of the cascade");
     v.Double("unsupported_budget", unsupported_budget, {0.0, 1.0},
              "share of the budgets for pairs whose affine frames do not support each other");
-    v.Int("num_resamples", num_resamples, {0, 1e9},
+    v.Int("num_resamples", num_resamples, {0, 1e4},
           "five-point samples a round among the final model's inliers; 0: none");
   }
 };

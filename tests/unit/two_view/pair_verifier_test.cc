@@ -237,6 +237,8 @@ TEST(FivePointVerifier, ItsOptionsChangeWhatItDoes) {
   };
   EXPECT_GT(iterations({}), iterations({.max_iterations = 7, .num_resamples = 0}));
   EXPECT_GT(iterations({}), iterations({.num_resamples = 0}));
+  // Nothing ends these before all are drawn.
+  EXPECT_THROW(iterations({.num_resamples = 1000000000}), ConfigError);
 }
 
 // One in ten matches is right. Samples come from the best of them, where that is known.
