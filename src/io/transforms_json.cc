@@ -54,7 +54,9 @@ std::vector<std::string> Approximations(const Reconstruction& reconstruction,
                          std::string(CameraModelName(camera_model)) + what);
     }
   };
-  warn(lost, ", which the format does not have: their distortion is left out");
+  warn(lost,
+       ", which the format does not have: their distortion is left out. Images and model of "
+       "global_sfm undistort have none");
   warn(other,
        ", but a file holds one model, here " + std::string(model) + ": their rays are wrong there");
   const auto num_no_text = std::ranges::count_if(reconstruction.images, [](const auto& entry) {

@@ -191,7 +191,7 @@ TEST(TransformsJson, FisheyesAndWhatDoesNotFit) {
               ElementsAre(AllOf(HasSubstr("SIMPLE_FISHEYE"), HasSubstr("one model"))));
   EXPECT_EQ(model, "OPENCV");
   EXPECT_THAT(write({CameraModel::kFov}, &model),
-              ElementsAre(AllOf(HasSubstr("FOV"), HasSubstr("left out"))));
+              ElementsAre(AllOf(HasSubstr("FOV"), HasSubstr("left out"), HasSubstr("undistort"))));
 }
 
 // The chunks of a binary glTF file.
