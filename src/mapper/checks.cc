@@ -28,7 +28,8 @@ double WidestAngle(const Reconstruction& model, const Point3D& point) {
 
 std::string ReasonToRefuse(const Reconstruction& model) {
   const size_t num_images = model.images.size();
-  if (num_images < 2) return "only " + std::to_string(num_images) + " images have a pose";
+  if (num_images == 0) return "no image has a pose";
+  if (num_images == 1) return "only one image has a pose";
   if (model.points3D.size() < kMinPointsPerImage * num_images) {
     return "only " + std::to_string(model.points3D.size()) + " points for " +
            std::to_string(num_images) + " images";

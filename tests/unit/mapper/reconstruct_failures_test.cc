@@ -179,6 +179,9 @@ TEST(ReasonToRefuse, KnowsCollapsedModels) {
   Reconstruction poor = scene.truth;
   while (poor.points3D.size() > 10) poor.RemovePoint3D(poor.points3D.begin()->first);
   EXPECT_THAT(ReasonToRefuse(poor), HasSubstr("only 10 points"));
+  while (poor.images.size() > 1) poor.images.erase(poor.images.begin());
+  EXPECT_EQ(ReasonToRefuse(poor), "only one image has a pose");
+  EXPECT_EQ(ReasonToRefuse({}), "no image has a pose");
 }
 
 }  // namespace
