@@ -8,6 +8,7 @@
 #include <cstring>
 #include <exception>
 #include <filesystem>
+#include <iostream>
 #include <new>
 #include <string_view>
 #include <system_error>
@@ -116,6 +117,7 @@ int RunMain(const std::function<int()>& body) {
 #endif
   std::set_terminate(HandleTerminate);
   std::signal(SIGXFSZ, SIG_IGN);  // a file that may not grow is an error of writing (EFBIG)
+  std::cerr.rdbuf(nullptr);       // OpenCV writes there what it returns or throws, too
   KeepFreedMemory();
   int exit_code = kExitSuccess;
   try {

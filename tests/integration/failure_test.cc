@@ -37,11 +37,14 @@ TEST(Failure, BrokenImagesAreSkipped) {
   std::filesystem::resize_file(scene / "images/image00003.jpg", 20000);
   WriteText(scene / "images/zero.jpg", "");
   WriteText(scene / "images/text.jpg", "This is no photograph.\n");
+  WriteText(scene / "images/short.pgm", "P5\n4 4\n255\nab");
   const std::string database = scene / "new.db";
   const ProgramResult result = scene.BuildViewGraph(database, {"--stop_after", "features"});
   ExpectSkipped(result, "image00003.jpg", "truncated");
   ExpectSkipped(result, "zero.jpg", "empty");
   ExpectSkipped(result, "text.jpg", "not an image");
+  ExpectSkipped(result, "short.pgm", "cannot be decoded");
+  EXPECT_THAT(LinesWith(result.output, "imdecode"), IsEmpty());  // OpenCV's own
   const Database features(database, Database::Mode::kReadOnly);
   EXPECT_EQ(features.ReadNumKeypoints().size(), 9u);  // 10 photographs, 1 of them truncated
 }
