@@ -76,8 +76,9 @@ bool IsHeader(TextReader& reader) {
         return TextReader::ToDouble(word).has_value();
       });
   if (!is_header) return false;
-  const auto begins = [&](const std::string& word, std::string_view name) {
-    return Lowercase(word).starts_with(name);
+  const auto begins = [&](const std::string& word, const std::string& name) {
+    const std::string lower = Lowercase(word);
+    return lower.starts_with(name) || lower.starts_with("gps" + name);  // exiftool's
   };
   const auto names_axis = [&](const std::string& word) {
     return begins(word, "lat") || begins(word, "lon");
@@ -110,6 +111,7 @@ std::map<std::string, GpsRow> ReadGpsFile(const std::string& path) {
     const bool has_commas = reader.line().find(',') != std::string_view::npos;
     const GpsFields fields =
         has_commas ? SplitAtCommas(reader.line()) : SplitAtBlanks(reader.line());
+    if (has_commas && fields.numbers.empty()) continue;  // it has no position
     const std::optional<GpsRow> row = ParseRow(fields);
     if (!row) {
       reader.Fail("'" + std::string(reader.line()) +

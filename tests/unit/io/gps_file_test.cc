@@ -53,6 +53,15 @@ TEST_F(GpsFileTest, QuotesAreNoPartOfNamesAndNumbers) {
   EXPECT_EQ(Read("\"name\",\"lat\",\"lon\"\n\"a.jpg\",\"1\",\"2\"\n").size(), 1u);
 }
 
+// As exiftool -csv writes them of photographs without GPS.
+TEST_F(GpsFileTest, RowsOfEmptyCellsHaveNoPosition) {
+  const auto rows = Read(
+      "SourceFile,GPSLatitude,GPSLongitude,GPSAltitude\n"
+      "a.jpg,45,7,300\nb.jpg,,,\n\"c, 1.jpg\",\"\",\"\"\n");
+  EXPECT_EQ(rows.size(), 1u);
+  EXPECT_EQ(rows.at("a.jpg").position.altitude_m, 300);
+}
+
 TEST_F(GpsFileTest, RowsThatAreNoneAreNamed) {
   EXPECT_THAT(Message("a.jpg,45,7,300\nb.jpg,45\n"),
               HasSubstr("gps.txt:2: 'b.jpg,45' is not name,latitude"));
@@ -79,12 +88,13 @@ TEST_F(GpsFileTest, AHeaderIsSkipped) {
   }
   for (const char* header :
        {"name,longitude,latitude,altitude", "Latitude,Longitude,Image", "name\tLong\tLat",
-        "name,altitude,longitude,latitude", "\"name\",\"longitude\",\"latitude\""}) {
+        "name,altitude,longitude,latitude", "\"name\",\"longitude\",\"latitude\"",
+        "SourceFile,GPSLongitude,GPSLatitude"}) {
     EXPECT_THAT(Message(std::string(header) + "\na.jpg,45,7,300\n"),
                 HasSubstr("gps.txt:1: its columns are in another order"));
   }
   // A row that lacks something is none.
-  for (const char* line : {"a.jpg", "a.jpg 45", "a.jpg,,", "a.jpg,45,"}) {
+  for (const char* line : {"a.jpg", "a.jpg 45", "a.jpg,45,", "a.jpg,,7"}) {
     EXPECT_THAT(Message(line), HasSubstr("is not name,latitude")) << line;
   }
 }
