@@ -20,9 +20,10 @@ using Extensions = std::span<const std::string_view>;
 constexpr std::string_view kRead[] = {".jpg",  ".jpeg", ".jpe", ".jfif", ".png", ".tif",
                                       ".tiff", ".bmp",  ".ppm", ".pgm",  ".pnm", ".webp"};
 constexpr std::string_view kUnread[] = {
-    ".gif", ".heic", ".heif", ".avif", ".jxl", ".jp2", ".exr", ".hdr", ".tga", ".psd",
-    ".raw", ".dng",  ".cr2",  ".cr3",  ".nef", ".arw", ".orf", ".rw2", ".raf", ".pef",
-    ".srw", ".3fr",  ".insp", ".mp4",  ".m4v", ".mov", ".avi", ".mkv", ".mts", ".webm"};
+    ".gif", ".heic", ".heif", ".avif", ".jxl", ".jp2", ".exr", ".hdr", ".tga", ".psd",  ".mpo",
+    ".raw", ".dng",  ".cr2",  ".cr3",  ".crw", ".nef", ".nrw", ".arw", ".orf", ".rw2",  ".rwl",
+    ".raf", ".pef",  ".srw",  ".3fr",  ".fff", ".iiq", ".x3f", ".gpr", ".dcr", ".erf",  ".insp",
+    ".360", ".insv", ".mp4",  ".m4v",  ".mov", ".avi", ".mkv", ".mts", ".mpg", ".webm", ".wmv"};
 
 bool HasExtension(const fs::path& path, Extensions extensions) {
   const std::string extension = LowerCaseExtension(path.string());

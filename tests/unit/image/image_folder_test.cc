@@ -23,6 +23,15 @@ TEST(ImageFolder, ListsPhotographsRecursivelySorted) {
                           "d.ppm", "e.webp", "f.pgm", "g.JFIF", "h.jpe", "z.jpg"));
 }
 
+TEST(ImageFolder, ListsRawFilesAndVideosApart) {
+  const TempFolder folder;
+  for (const char* name : {"a.HEIC", "b.NRW", "c.mpo", "d.gpr", "e.insv", "f.jpg", "g.txt"}) {
+    WriteFileAtomically(folder / name, "");
+  }
+  EXPECT_THAT(ListUnreadImages(folder.path()),
+              ElementsAre("a.HEIC", "b.NRW", "c.mpo", "d.gpr", "e.insv"));
+}
+
 TEST(ImageFolder, FollowsLinksOnceEvenInACycle) {
   const TempFolder folder;
   const TempFolder other;
