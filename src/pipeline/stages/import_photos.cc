@@ -368,19 +368,29 @@ std::vector<ResultWarning> CheckGivenParams(const CameraOptions& options,
   return doubts;
 }
 
-// Photographs twice in the folder tell nothing new, and yet agree with each other.
-std::optional<ResultWarning> WarnOfCopies(const Database& database) {
+// Photographs twice in the database tell nothing new, and yet agree with each other. `names` are
+// those in the folder, if there is one: of a file that was renamed the other name is gone.
+std::optional<ResultWarning> WarnOfCopies(const Database& database,
+                                          const std::set<std::string>& names) {
   std::map<uint64_t, std::string> first;  // name by hash
   std::vector<std::string> copies;
+  const auto is_gone = [&](const std::string& name) {
+    return !names.empty() && !names.contains(name);
+  };
+  bool has_renamed = false;
   for (const PhotoRecord& photo : database.ReadPhotos()) {
     if (!photo.error.empty()) continue;
     const auto [entry, is_new] = first.try_emplace(photo.file_hash, photo.name);
-    if (!is_new) copies.push_back(photo.name + " (of " + entry->second + ")");
+    if (is_new) continue;
+    copies.push_back(photo.name + " (of " + entry->second + ")");
+    has_renamed |= is_gone(photo.name) || is_gone(entry->second);
   }
   if (copies.empty()) return std::nullopt;
   return ResultWarning{"photographs that are copies of others (" + std::to_string(copies.size()) +
                            "): " + FirstNames(copies),
-                       "keep one of each: what copies agree on counts as evidence"};
+                       std::string("keep one of each") +
+                           (has_renamed ? " (--drop_missing, where one was renamed)" : "") +
+                           ": what copies agree on counts as evidence"};
 }
 
 int64_t NumNewImages(const std::vector<Photo>& photos) {
@@ -417,6 +427,8 @@ StageReport ImportPhotos(Database& database, const PhotoSource& source,
   CheckCameraOptions(options);
   StageLedger ledger(database, kStageCameras, DumpOptions(options));
   std::vector<Photo> photos = ListPhotos(source);
+  std::set<std::string> names;
+  for (const Photo& photo : photos) names.insert(photo.name);
   size_t num_dropped = 0;
   if (!image_path.empty() && !source.selection) {
     RemarkOnUnread(source, stage);
@@ -465,7 +477,7 @@ StageReport ImportPhotos(Database& database, const PhotoSource& source,
   stage.Add("skipped", skipped.size());
   stage.Add("dropped", num_dropped);
   for (const ResultWarning& doubt : doubts) stage.Warn(doubt);
-  if (const auto copies = WarnOfCopies(database)) stage.Warn(*copies);
+  if (const auto copies = WarnOfCopies(database, names)) stage.Warn(*copies);
   return EndStage(stage, database);
 }
 

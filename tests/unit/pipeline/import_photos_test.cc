@@ -189,6 +189,19 @@ TEST_F(ImportPhotosTest, CopiesOfAPhotographAreNamed) {
   EXPECT_EQ(Names().size(), 3u);
 }
 
+TEST_F(ImportPhotosTest, ARenamedPhotographIsACopyOfOneThatIsGone) {
+  for (const std::string name : {"a.png", "b.png"}) AddPhoto(name);
+  WriteBitmap(images_ + "/a.png", WallPhoto(64, 48, 5));
+  Import();
+  fs::rename(images_ + "/a.png", images_ + "/c.png");
+  const std::vector<ResultWarning> warnings = Import().warnings;
+  ASSERT_EQ(warnings.size(), 1u);
+  EXPECT_THAT(warnings[0].what, HasSubstr("c.png (of a.png)"));
+  EXPECT_THAT(warnings[0].advice, HasSubstr("--drop_missing, where one was renamed"));
+  ImportPhotos(database_, {.image_path = images_, .drop_missing = true});
+  EXPECT_THAT(Import().warnings, IsEmpty());
+}
+
 TEST_F(ImportPhotosTest, AChangedPhotographIsNoticed) {
   AddPhoto("a.png");
   Import();
