@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <bit>
 #include <cctype>
-#include <cmath>
 #include <iterator>
 #include <limits>
 #include <opencv2/core/mat.hpp>
@@ -75,35 +74,31 @@ int NumBits(double largest) {
   return std::max(8, static_cast<int>(std::bit_width(static_cast<unsigned>(largest))));
 }
 
-// Thermal cameras write temperatures, in a narrow range far above 0. Where fewer bits hold what
-// values are more than the least one, that much of them. (One value all over stays.)
-cv::Mat AboveLeast(const cv::Mat& image) {
-  if (image.depth() != CV_16U) return image;
-  double least = 0, largest = 0;
-  cv::minMaxIdx(image.reshape(1), &least, &largest);
-  if (least == largest || NumBits(largest - least) == NumBits(largest)) return image;
-  cv::Mat above;
-  cv::subtract(image, cv::Scalar::all(least), above);
-  return above;
-}
-
 void CheckBits(const std::string& path, const cv::Mat& image) {
   if (image.depth() == CV_8U || image.depth() == CV_16U) return;
   throw IoError(path, "cannot be decoded: not of 8 or 16 bits");
 }
 
 // Cameras of 10 to 14 bits leave the upper bits of 16 empty: of those that an image uses, the eight
-// uppermost.
-cv::Mat EightBits(const std::string& path, const cv::Mat& image) {
+// uppermost. Thermal cameras write temperatures, in a narrow range far above 0: where a photograph
+// needs fewer bits for what its values are more than the least one, that much of them. (One value
+// all over stays.)
+cv::Mat EightBits(const std::string& path, const cv::Mat& image, bool is_photograph) {
   CheckBits(path, image);
   if (image.depth() == CV_8U) return image;
-  double largest = 0;
-  cv::minMaxIdx(image.reshape(1), nullptr, &largest);
-  const int num_bits = NumBits(largest);
-  cv::Mat shifted;
-  cv::bitwise_and(image, cv::Scalar::all((1 << num_bits) - (1 << (num_bits - 8))), shifted);
-  shifted.convertTo(shifted, CV_8U, std::ldexp(1.0, 8 - num_bits));
-  return shifted;
+  double least = 0, largest = 0;
+  cv::minMaxIdx(image.reshape(1), &least, &largest);
+  const bool is_narrow = least < largest && NumBits(largest - least) < NumBits(largest);
+  const int black = is_photograph && is_narrow ? static_cast<int>(least) : 0;
+  const int shift = NumBits(largest - black) - 8;
+  cv::Mat eight(image.size(), CV_MAKETYPE(CV_8U, image.channels()));
+  for (int y = 0; y < image.rows; ++y) {
+    const auto* const row = image.ptr<uint16_t>(y);
+    std::transform(
+        row, row + image.cols * image.channels(), eight.ptr(y),
+        [black, shift](uint16_t value) { return static_cast<uint8_t>((value - black) >> shift); });
+  }
+  return eight;
 }
 
 }  // namespace
@@ -143,7 +138,7 @@ Bitmap DecodeImage(const std::string& path, std::string_view bytes, BitmapColor 
   if (reduction == 4) flags |= cv::IMREAD_REDUCED_GRAYSCALE_4;
   if (reduction == 8) flags |= cv::IMREAD_REDUCED_GRAYSCALE_8;
   flags |= cv::IMREAD_IGNORE_ORIENTATION | cv::IMREAD_ANYDEPTH;
-  const cv::Mat image = EightBits(path, AboveLeast(DecodeToMat(path, bytes, flags)));
+  const cv::Mat image = EightBits(path, DecodeToMat(path, bytes, flags), /*is_photograph=*/true);
   Bitmap bitmap{image.cols, image.rows, image.channels(), {}};
   bitmap.data.resize(image.total() * image.channels());
   SwapRedBlue(image, View(bitmap));
@@ -169,7 +164,8 @@ bool MayHaveOpacity(std::string_view bytes) {
 }
 
 std::optional<Bitmap> DecodeOpacity(const std::string& path, std::string_view bytes) {
-  const cv::Mat image = EightBits(path, DecodeToMat(path, bytes, cv::IMREAD_UNCHANGED));
+  const cv::Mat image =
+      EightBits(path, DecodeToMat(path, bytes, cv::IMREAD_UNCHANGED), /*is_photograph=*/false);
   if (image.channels() != 4) return std::nullopt;
   Bitmap opacity{image.cols, image.rows, 1, {}};
   opacity.data.resize(image.total());
