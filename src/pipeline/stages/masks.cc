@@ -67,7 +67,8 @@ int64_t ExtractionBytes(const ImageSize& camera_size, const FeatureOptions& opti
   const double bytes_per_px = options.first_octave < 0 ? 120 : 40;
   const double width = camera_size.width, height = camera_size.height;
   const double scale = std::min(1.0, options.max_image_size / std::max({1.0, width, height}));
-  return static_cast<int64_t>(bytes_per_px * width * height * scale * scale);
+  const double decoded = 2 * width * height;  // the decoder's pixels, and a copy
+  return static_cast<int64_t>(decoded + bytes_per_px * width * height * scale * scale);
 }
 
 uint64_t FeatureInputHash(uint64_t file_hash, const std::string& mask_path) {

@@ -8,6 +8,7 @@
 #include "cairn/base/error.h"
 #include "database/stage_names.h"
 #include "pipeline/pairs/exhaustive.h"
+#include "pipeline/stages/masks.h"
 #include "pipeline/stages/stage_ledger.h"
 #include "support/database_dump.h"
 #include "support/test.h"
@@ -155,6 +156,12 @@ TEST_F(StagesTest, WithoutImagePathNothingIsExtracted) {
       ExtractImageFeatures(database_, {""}, FastFeatures(), {.num_threads = 2});
   EXPECT_EQ(report.status, StageStatus::kOk);
   EXPECT_TRUE(database_.ReadNumKeypoints().empty());
+}
+
+// 192 million pixels took 460 MB, of which those of the reduced image are a third.
+TEST(ExtractionBytes, CountsTheWholePhotographOfWhichFeaturesAreReduced) {
+  EXPECT_GT(ExtractionBytes({16000, 12000}, {.first_octave = 0}), 460'000'000);
+  EXPECT_LT(ExtractionBytes({3200, 2400}, {.first_octave = 0}), 460'000'000);
 }
 
 TEST_F(StagesTest, NoFeaturesWhereTheMaskIsBlack) {
