@@ -21,6 +21,19 @@ Eigen::Matrix3d LeftJacobianSO3(const Eigen::Vector3d& omega) {
   return Eigen::Matrix3d::Identity() + b * W + c * W * W;
 }
 
+namespace {
+
+// Where no distortion is a standstill, since its derivative is 0 there (FOV), it begins beside
+// that, as new cameras do.
+double FirstDistortion(const Camera& camera, int k) {
+  if (camera.params[k] != 0) return camera.params[k];
+  return Camera::FromFocal(camera.camera_id, camera.model, camera.MeanFocal(), camera.width,
+                           camera.height)
+      .params[k];
+}
+
+}  // namespace
+
 void IntrinsicsState::Update() {
   for (int i = num_free_focal; i < num_free; ++i) params[free_index[i]] = free[i];
   const double half_ratio = num_free_focal == 2 ? 0.5 * free[1] : 0.0;
@@ -53,7 +66,7 @@ BundleState::BundleState(const BundleAdjustmentScope& scope, const Reconstructio
       }
       if (scope.distortions) {
         for (const int k : camera.DistortionIndices()) {
-          state.free[state.num_free] = camera.params[k];
+          state.free[state.num_free] = FirstDistortion(camera, k);
           state.free_index[state.num_free++] = k;
         }
       }
@@ -97,6 +110,8 @@ void BundleState::Store(Reconstruction& reconstruction) const {
     IntrinsicsState intrinsics = intrinsics_[i++];
     intrinsics.Update();
     std::copy_n(intrinsics.params.begin(), intrinsics.num_params, camera.params.begin());
+    // It is even in its angle.
+    if (camera.model == CameraModel::kFov) camera.params[4] = std::abs(camera.params[4]);
   }
   for (auto& [id, image] : reconstruction.images) {
     if (scope_.fixed_images.contains(id)) continue;

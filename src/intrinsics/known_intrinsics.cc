@@ -43,7 +43,7 @@ bool LooksMeasured(const Camera& camera) {
                                          camera.width, camera.height);
   bool is_distorted = false;
   for (const int k : camera.DistortionIndices()) {
-    is_distorted |= camera.params[k] != plain.params[k];
+    is_distorted |= camera.params[k] != plain.params[k] && camera.params[k] != 0;
   }
   return !IsCentered(camera) || camera.FocalX() != camera.FocalY() || is_distorted;
 }

@@ -45,13 +45,14 @@ TEST(AdjustBundle, RefinesFocalLengthAndDistortionOfEveryModel) {
   for (const CameraModel model_kind :
        {CameraModel::kSimplePinhole, CameraModel::kPinhole, CameraModel::kSimpleRadial,
         CameraModel::kRadial, CameraModel::kOpenCV, CameraModel::kSimpleRadialFisheye,
-        CameraModel::kSimpleDivision}) {
+        CameraModel::kSimpleDivision, CameraModel::kFov, CameraModel::kEucm}) {
     for (const bool shared : {true, false}) {
       SyntheticOptions synthetic{.num_images = 8, .model = model_kind, .shared_camera = shared};
       const MadeReconstruction scene = MakeSyntheticScene(synthetic);
       Reconstruction model = Perturbed(scene.truth, {.focal = 0.05});
       for (auto& [id, camera] : model.cameras) {
         for (const int k : camera.DistortionIndices()) camera.params[k] = 0;
+        if (model_kind == CameraModel::kEucm) camera.params[5] = 1;  // beta
       }
       BundleAdjustmentScope scope;
       scope.focal_lengths = true;

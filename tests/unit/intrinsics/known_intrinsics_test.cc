@@ -18,6 +18,15 @@ TEST(LooksMeasured, IfNeitherExifNorAGuessGivesTheIntrinsics) {
   }
 }
 
+TEST(LooksMeasured, NotAFieldOfViewOfAngleZero) {
+  Camera camera = Camera::FromFocal(1, CameraModel::kFov, 900, 1001, 800);
+  EXPECT_FALSE(LooksMeasured(camera));
+  camera.params[4] = 0;
+  EXPECT_FALSE(LooksMeasured(camera));
+  camera.params[4] = 0.9;
+  EXPECT_TRUE(LooksMeasured(camera));
+}
+
 TEST(IsCentered, WhereTheCenterOfAnOddSizeIsRoundedDown) {
   Camera camera = GuessedCamera(1);
   EXPECT_TRUE(IsCentered(camera));
