@@ -30,6 +30,7 @@ constexpr double kKnownSigma = 0.05;
 struct LensPair {
   image_t image_id1, image_id2;
   FeatureMatches matches;
+  std::vector<char> is_inlier;  // of each match
   DistortionPair pair;
 };
 
@@ -98,8 +99,13 @@ std::vector<LensPair> ReadLensPairs(const Database& database, const Lenses& lens
       lens_pair.pair.F = *F;
       lens_pair.pair.tells_focal = geometry->config == TwoViewConfig::kCalibrated ||
                                    geometry->config == TwoViewConfig::kUncalibrated;
+      const std::set<FeatureMatch> inliers(geometry->inlier_matches.begin(),
+                                           geometry->inlier_matches.end());
       const size_t step = 1 + matches->size() / kMaxMatches;
-      for (size_t i = 0; i < matches->size(); i += step) lens_pair.matches.push_back((*matches)[i]);
+      for (size_t i = 0; i < matches->size(); i += step) {
+        lens_pair.matches.push_back((*matches)[i]);
+        lens_pair.is_inlier.push_back(inliers.count((*matches)[i]) > 0);
+      }
       lens_pairs.push_back(std::move(lens_pair));
     } catch (const IoError&) {  // The verification of the pair has reported it.
     }
@@ -133,6 +139,28 @@ void ReadPixels(const Database& database, std::vector<LensPair>& lens_pairs) {
   std::erase_if(lens_pairs, [](const LensPair& lens_pair) {
     return lens_pair.pair.pixels1.size() != lens_pair.matches.size() ||
            lens_pair.pair.pixels2.size() != lens_pair.matches.size();
+  });
+}
+
+// Leaves out matches that stay still in the picture, which any lens fits: of a frame around it, or
+// of a background that does not turn with the object; and pairs most of whose inliers do.
+void LeaveOutStill(const Lenses& lenses, std::vector<LensPair>& lens_pairs) {
+  std::erase_if(lens_pairs, [&](LensPair& lens_pair) {
+    DistortionPair& pair = lens_pair.pair;
+    const double max_error_px =
+        DefaultMaxErrorPx(lenses.cameras.at(pair.camera_id1), lenses.cameras.at(pair.camera_id2));
+    size_t num_moving = 0;
+    int inliers_that_move = 0;  // less those that do not
+    for (size_t i = 0; i < pair.pixels1.size(); ++i) {
+      const bool moves = (pair.pixels1[i] - pair.pixels2[i]).norm() > max_error_px;
+      if (lens_pair.is_inlier[i]) inliers_that_move += moves ? 1 : -1;
+      if (!moves) continue;
+      pair.pixels1[num_moving] = pair.pixels1[i];
+      pair.pixels2[num_moving++] = pair.pixels2[i];
+    }
+    pair.pixels1.resize(num_moving);
+    pair.pixels2.resize(num_moving);
+    return inliers_that_move <= 0;
   });
 }
 
@@ -260,6 +288,7 @@ LearnedLenses LearnLenses(Database& database, const std::vector<image_pair_t>& l
   std::vector<LensPair> lens_pairs =
       ReadLensPairs(database, known, DrawPairs(likely, known.camera_of, known.open, kMaxLensPairs));
   ReadPixels(database, lens_pairs);
+  LeaveOutStill(known, lens_pairs);
   std::vector<DistortionPair> pairs;
   for (LensPair& lens_pair : lens_pairs) pairs.push_back(std::move(lens_pair.pair));
   std::set<camera_t> constant;

@@ -134,6 +134,49 @@ TEST_F(LensLearningTest, RightFocalLengthsAreNotGivenUpForDistortion) {
   }
 }
 
+// A frame printed around every photograph.
+TEST_F(LensLearningTest, WhatStaysStillTellsNothing) {
+  const std::string path = MakeDatabase("framed.db", {.k = -0.1});
+  {
+    Database database(path);
+    constexpr int kNumInFrame = 80;
+    Rng rng(3);
+    std::map<image_t, point2D_t> first;
+    std::map<image_t, camera_t> camera_of;
+    for (const Image& image : database.ReadImages()) {
+      const Camera camera = database.ReadCameras()[image.camera_id - 1];
+      camera_of[image.image_id] = image.camera_id;
+      std::vector<Keypoint> keypoints = *database.ReadKeypoints(image.image_id);
+      first[image.image_id] = static_cast<point2D_t>(keypoints.size());
+      for (int i = 0; i < kNumInFrame; ++i) {
+        const double along = (i / 4 + 0.5) / (kNumInFrame / 4);
+        const double x = i % 4 < 2 ? along : (i % 4 - 2) * 0.98 + 0.01;
+        const double y = i % 4 < 2 ? (i % 4) * 0.98 + 0.01 : along;
+        keypoints.push_back({static_cast<float>(x * camera.width + 0.2 * rng.Gaussian()),
+                             static_cast<float>(y * camera.height + 0.2 * rng.Gaussian())});
+      }
+      database.WriteKeypoints(image.image_id, keypoints);
+    }
+    for (const image_pair_t pair : database.ReadMatchedPairIds()) {
+      const auto [id1, id2] = PairIdToImagePair(pair);
+      if (camera_of.at(id1) != camera_of.at(id2)) continue;  // of another size
+      FeatureMatches matches = *database.ReadMatches(pair);
+      for (point2D_t i = 0; i < kNumInFrame; ++i) {
+        matches.push_back({first.at(id1) + i, first.at(id2) + i});
+      }
+      database.WriteMatches(pair, matches);
+    }
+  }
+  Verify(path);
+  int num_bent = 0;
+  for (const auto& [id, lens] : Database(path).ReadCameraLenses()) {
+    if (lens.k == 0) continue;
+    EXPECT_NEAR(lens.k, -0.1, 0.025) << id;
+    ++num_bent;
+  }
+  EXPECT_EQ(num_bent, 2);
+}
+
 TEST_F(LensLearningTest, WrongFocalLengthsOfDistortedLensesAreRejected) {
   for (const double k : {-0.1, 0.05}) {
     for (const double factor : {0.5, 2.0}) {
