@@ -14,8 +14,9 @@ double RobustCost(double squared, double squared_scale) {
   return squared_scale * std::log1p(squared / squared_scale);
 }
 
-// Over (left rotation, translation, logarithm of the focal factor). Points without a pixel cost
-// infinitely much.
+// Over (rotation about the camera, translation, logarithm of the focal factor): about the world's
+// origin, which may be far away, hardly anything would turn but what moves as well. Points without
+// a pixel cost infinitely much.
 struct PoseProblem {
   struct State {
     Camera camera;
@@ -38,8 +39,7 @@ NormalEquations<7> PoseProblem::Linearize(const State& at) const {
   const auto num_params = static_cast<int>(camera.params.size());
   std::array<double, 2 * kMaxCameraParams> J_params;
   for (const int i : indices) {
-    const Eigen::Vector3d rotated = pose.rotation * points.xyz[i];
-    const Eigen::Vector3d x = rotated + pose.translation;
+    const Eigen::Vector3d x = pose * points.xyz[i];
     Eigen::Vector2d pixel;
     Eigen::Matrix<double, 2, 3, Eigen::RowMajor> J_x;
     const CameraParams params = {camera.model, camera.params.data()};
@@ -51,7 +51,7 @@ NormalEquations<7> PoseProblem::Linearize(const State& at) const {
     const double squared = residual.squaredNorm();
     sums.cost += RobustCost(squared, squared_scale);
     const double weight = 1.0 / (1.0 + squared / squared_scale);
-    const Eigen::Matrix<double, 2, 3> by_rotation = -J_x * CrossMatrix(rotated);
+    const Eigen::Matrix<double, 2, 3> by_rotation = -J_x * CrossMatrix(x);
     for (int row = 0; row < 2; ++row) {
       double by_focal = 0.0;
       for (const int k : focal_indices) {
@@ -69,8 +69,9 @@ PoseProblem::State PoseProblem::Moved(const State& from,
                                       const NormalEquations<7>::Vector& step) const {
   State to = from;
   Rigid3d& pose = to.cam_from_world;
-  pose.rotation = (ExpSO3(step.head<3>()) * pose.rotation).normalized();
-  pose.translation += step.segment<3>(3);
+  const Eigen::Quaterniond turn = ExpSO3(step.head<3>());
+  pose.rotation = (turn * pose.rotation).normalized();
+  pose.translation = turn * pose.translation + step.segment<3>(3);
   if (refine_focal) to.camera.SetMeanFocal(from.camera.MeanFocal() * std::exp(step[6]));
   return to;
 }

@@ -59,6 +59,21 @@ TEST(RefinePose, ConvergesToTheExactPoseAndFocalLength) {
   }
 }
 
+// As those of maps are.
+TEST(RefinePose, WorldCoordinatesMayBeLarge) {
+  Problem problem = MakeProblem(CameraModel::kPinhole, 1);
+  const Eigen::Vector3d origin(5e5, 5e6, 300);
+  for (Eigen::Vector3d& X : problem.xyz) X += origin;
+  const Eigen::Vector3d center = problem.pose.Center() + origin;
+  const Eigen::Quaterniond rotation =
+      ExpSO3(Eigen::Vector3d(0.02, -0.03, 0.01)) * problem.pose.rotation;
+  Rigid3d pose(rotation, rotation * -(center + Eigen::Vector3d(0.1, -0.05, 0.1)));
+  RefinePose({problem.pixels, problem.xyz}, problem.all, {.loss_scale_px = 200}, problem.camera,
+             pose);
+  EXPECT_LT(AngleBetween(pose.rotation, problem.pose.rotation), 1e-6);
+  EXPECT_LT((pose.Center() - center).norm(), 1e-5);
+}
+
 TEST(RefinePose, LeavesAPoseWithPointsBehindAlone) {
   const Problem problem = MakeProblem(CameraModel::kPinhole, 2);
   Camera camera = problem.camera;
