@@ -238,6 +238,11 @@ class Groups {
   }
 
   int Of(int image) const { return group_of_[image]; }
+  // By their index.
+  const std::vector<int>& PairsOf(int image) const { return pairs_of_[image]; }
+  int OtherImage(int pair, int image) const {
+    return pairs_[pair].image1 == image ? pairs_[pair].image2 : pairs_[pair].image1;
+  }
   int SizeOf(int group) const { return static_cast<int>(members_[group].size()); }
   // Joins the group to the one that most of its matches lead to. False: none do.
   bool Dissolve(int group) {
@@ -255,11 +260,9 @@ class Groups {
   }
 
  private:
-  int OtherImage(int pair, int image) const {
-    return pairs_[pair].image1 == image ? pairs_[pair].image2 : pairs_[pair].image1;
-  }
-
   void JoinAlongPairs() {
+    using TwoGroups = std::pair<int, int>;
+    std::map<TwoGroups, TwoGroups> refused_at;  // sizes: groups change only as they grow
     const auto key = [&](int k) {
       return std::make_pair(pairs_[k].Vote() < 0, -pairs_[k].num_inliers);
     };
@@ -267,7 +270,14 @@ class Groups {
       int group1 = Of(pairs_[k].image1), group2 = Of(pairs_[k].image2);
       if (group1 == group2) continue;
       if (SizeOf(group1) < SizeOf(group2)) std::swap(group1, group2);
-      if (Balance(group2, group1) >= 0) Join(group1, group2);
+      const TwoGroups sizes(SizeOf(group1), SizeOf(group2));
+      TwoGroups& refused = refused_at[{group1, group2}];
+      if (refused == sizes) continue;
+      if (Balance(group2, group1) >= 0) {
+        Join(group1, group2);
+      } else {
+        refused = sizes;
+      }
     }
   }
 
@@ -333,27 +343,38 @@ class UsualConflict {
 
 // The pairs that lead out of a group.
 struct Border {
-  std::set<int> inside, outside;  // images
+  int num_inside = 0, num_outside = 0;  // images
   double surprise = 0;
   int num_pairs = 0;
-
-  void Add(int image_inside, int image_outside, double surprise_of_pair) {
-    inside.insert(image_inside);
-    outside.insert(image_outside);
-    surprise += surprise_of_pair;
-    ++num_pairs;
-  }
 };
 
-std::map<int, Border> BordersOf(const std::vector<Pair>& pairs, const Groups& groups) {
+// By group.
+std::vector<Border> BordersOf(const std::vector<Pair>& pairs, int num_images,
+                              const Groups& groups) {
   const UsualConflict usual(pairs, groups);
-  std::map<int, Border> borders;
+  std::vector<Border> borders(num_images);
+  const auto leads_out = [&](const Pair& pair) {
+    return pair.CanTell() && groups.Of(pair.image1) != groups.Of(pair.image2);
+  };
   for (const Pair& pair : pairs) {
-    const int group1 = groups.Of(pair.image1), group2 = groups.Of(pair.image2);
-    if (!pair.CanTell() || group1 == group2) continue;
+    if (!leads_out(pair)) continue;
     const double surprise = usual.Surprise(pair);
-    borders[group1].Add(pair.image1, pair.image2, surprise);
-    borders[group2].Add(pair.image2, pair.image1, surprise);
+    for (const int image : {pair.image1, pair.image2}) {
+      Border& border = borders[groups.Of(image)];
+      border.surprise += surprise;
+      ++border.num_pairs;
+    }
+  }
+  std::vector<int> seen_from(num_images, -1);  // of each group the last image with a pair into it
+  for (int i = 0; i < num_images; ++i) {
+    bool is_inside = false;
+    for (const int k : groups.PairsOf(i)) {
+      if (!leads_out(pairs[k])) continue;
+      is_inside = true;
+      const int other = groups.Of(groups.OtherImage(k, i));
+      if (std::exchange(seen_from[other], i) != i) ++borders[other].num_outside;
+    }
+    borders[groups.Of(i)].num_inside += is_inside;
   }
   return borders;
 }
@@ -367,16 +388,16 @@ double SplitEvidence(const Border& border, int size, int num_images) {
   for (int k = 1; k <= size; ++k) cost += std::log(double(num_images - size + k) / k);
   const double mean = border.num_pairs > 0 ? border.surprise / border.num_pairs : 0;
   if (mean <= 1) return -cost;
-  const size_t num_independent =
-      std::min<size_t>(border.num_pairs, 2 * std::min(border.inside.size(), border.outside.size()));
-  return static_cast<double>(num_independent) * (mean - 1 - std::log(mean)) - cost;
+  const int num_independent =
+      std::min(border.num_pairs, 2 * std::min(border.num_inside, border.num_outside));
+  return num_independent * (mean - 1 - std::log(mean)) - cost;
 }
 
 // Dissolves the groups without support, the least supported first.
 void KeepProven(const std::vector<Pair>& pairs, int num_images, Groups& groups) {
   std::set<int> alone;  // no pair leads out of them
   for (;;) {
-    std::map<int, Border> borders = BordersOf(pairs, groups);
+    const std::vector<Border> borders = BordersOf(pairs, num_images, groups);
     std::map<int, double> evidence;
     for (int i = 0; i < num_images; ++i) {
       const int group = groups.Of(i);
