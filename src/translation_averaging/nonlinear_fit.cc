@@ -13,6 +13,7 @@ namespace cairn {
 namespace {
 
 constexpr int kBlock = 4096;  // terms a task; sums run over blocks in their order
+constexpr int kTracksATask = 256;
 constexpr double kInitialDamping = 1e-4;
 constexpr double kMaxDamping = 1e10;
 
@@ -75,6 +76,20 @@ class Fit {
     }
   }
 
+  // Points that a step makes worse, where it has led the cameras, go half of theirs, a quarter, an
+  // eighth, or stay.
+  void ShortenStepsOfPoints(const Positions& from, Positions& to) const {
+    constexpr int kMaxHalvings = 3;
+    const auto shorten = [&](int64_t k) {
+      const Eigen::Vector3d start = from.points.col(k);
+      const double cost = CostOfTrack(k, to.cameras, start);
+      for (int n = 0; CostOfTrack(k, to.cameras, to.points.col(k)) > cost; ++n) {
+        to.points.col(k) = n < kMaxHalvings ? 0.5 * (start + to.points.col(k)) : start;
+      }
+    };
+    ParallelFor(num_threads_, problem_.NumTracks(), shorten, kTracksATask);
+  }
+
   const FitModels& Models() const { return models_; }
 
  private:
@@ -86,6 +101,15 @@ class Fit {
   double HuberOf(size_t t) const { return t < NumEdges() ? edge_huber_ : ray_huber_; }
   double WeightOf(size_t t) const {
     return t < NumEdges() ? weights_.edges[t] : weights_.rays[t - NumEdges()];
+  }
+  double CostOfTrack(int64_t k, const Eigen::Matrix3Xd& cameras, const Eigen::Vector3d& X) const {
+    double sum = 0;
+    for (int r = problem_.track_begin[k]; r < problem_.track_begin[k + 1]; ++r) {
+      const auto& [camera, direction] = problem_.rays[r];
+      const Eigen::Vector3d D = X - cameras.col(camera);
+      sum += weights_.rays[r] * ChordalCost(direction, D, ray_huber_);
+    }
+    return sum;
   }
   Eigen::Vector3d DifferenceOf(size_t t, const Positions& x) const {
     if (t < NumEdges()) {
@@ -126,6 +150,10 @@ FitResult FitPositions(const DirectionProblem& problem, const FitWeights& weight
     if (system.Solve(fit.Models(), damping, step)) {
       next = {positions.cameras + step.cameras, positions.points + step.points};
       next_cost = fit.Cost(next);
+      if (!(next_cost <= cost)) {  // points with wrong rays must not hold back all others
+        fit.ShortenStepsOfPoints(positions, next);
+        next_cost = fit.Cost(next);
+      }
     }
     if (!(next_cost <= cost)) {  // Nielsen 1999: damping grows ever faster
       damping *= growth;

@@ -187,6 +187,25 @@ TEST(TranslationAveraging, NoiseAndOutliers) {
   }
 }
 
+// Steps of points that wrong rays mislead do not hold back all others.
+TEST(TranslationAveraging, FewIterationsWithWrongRaysAlongARoad) {
+  Rng rng(2);
+  DirectionScene scene;
+  scene.AddCenters(Line(200, 3));
+  scene.AddChain(3, 0.3, 0, rng);
+  scene.AddPoints(1000, 10, 10.0, 0.05, 0, rng);
+  for (PointDirections& track : scene.tracks) {
+    const Eigen::Vector3d& X = scene.true_points[rng.UniformInt(1000)];
+    for (PointRay& ray : track.rays) {
+      if (rng.Uniform() < 0.1) ray.direction = X - scene.truth[ray.image_id];
+    }
+  }
+  const auto report = AverageTranslations(scene.edges, scene.tracks);
+  ASSERT_EQ(report.centers.size(), 200u);
+  EXPECT_LT(MaxError(RelativeCenterErrors(report.centers, scene.truth)), 0.01);
+  EXPECT_LE(report.num_iterations, 30);
+}
+
 TEST(TranslationAveraging, FewPhotos) {
   for (const int n : {3, 5, 8}) {
     Rng rng(n);
