@@ -30,7 +30,6 @@ class FocalVerifier : public PairVerifier {
   PairReport Judge(PairReport report) const;
   std::optional<FundamentalModel> Find(const PairReport& report) const;
   std::optional<FundamentalModel> FindFromNothing() const;
-  // Does F explain matches off the plane of this homography (pixels), more than by chance?
   void Fill(const FundamentalModel& model, PairReport* report) const;
 
   const SearchSteps steps_;
