@@ -14,6 +14,7 @@
 #include "pipeline/machines/helpers.h"
 #include "pipeline/pairs/choose.h"
 #include "pipeline/stages/depth_source.h"
+#include "pipeline/stages/fisheye_lenses.h"
 #include "pipeline/stages/foreign_features.h"
 #include "pipeline/stages/import_dataset.h"
 #include "pipeline/stages/masks.h"
@@ -251,12 +252,19 @@ class BuildRun {
     if (in.stop_after < BuildStage::kVerification) return true;
     VerificationInput input = InputOfVerification(options_, run_.seed);
     input.pairs = to_verify;
+    if (!Verify(input)) return false;
+    StageReport fisheyes = TakeFisheyes(database_, run_);
+    if (fisheyes.Value("cameras") == 0) return true;
+    return KeepGoing(std::move(fisheyes)) && Verify(input);
+  }
+
+  bool Verify(const VerificationInput& input) {
     AdoptLenses(database_);
     for (const std::string& text : LearnWideFocals(database_, options_.verification, run_)) {
       run_.monitor.Info(text);
     }
-    const std::vector<NamedVerifier> verifiers =
-        MakeVerifiers(std::string(NameOf(kVerifierChoices, in.verifier)), options_.verification);
+    const std::vector<NamedVerifier> verifiers = MakeVerifiers(
+        std::string(NameOf(kVerifierChoices, options_.inputs.verifier)), options_.verification);
     return KeepGoing(VerifyPairs(database_, verifiers, input, run_, helpers_));
   }
 

@@ -11,7 +11,7 @@ struct TranslationAveragingOptions {
   double point_weight = 10.0;
   int num_reweightings = 1;
   int max_iterations = 100;
-  double max_median_error_deg = 20.0;
+  double max_median_error_deg = 45.0;
 
   void VisitFields(OptionVisitor& v) {
     v.Int("filter_num_axes", filter_num_axes, {1, 10000}, "random axes of the 1DSfM filter");

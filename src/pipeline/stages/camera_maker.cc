@@ -15,10 +15,6 @@ namespace {
 // diagonal with 180 degrees (about 140) and circles of 180 degrees in the smaller side.
 constexpr double kFisheyeFocalFactor = 180.0 / 150.0 / std::numbers::pi;
 
-double FocalFactor(CameraModel model) {
-  return CameraModelIsFisheye(model) ? kFisheyeFocalFactor : kDefaultFocalFactor;
-}
-
 // nullopt: EXIF does not tell the camera.
 std::optional<ExifKey> KeyOf(const Photo& photo) {
   const ExifInfo& exif = photo.exif;
@@ -50,6 +46,10 @@ std::map<std::string, ImageSize> CommonSizes(const CameraOptions& options,
 }
 
 }  // namespace
+
+double FocalFactor(CameraModel model) {
+  return CameraModelIsFisheye(model) ? kFisheyeFocalFactor : kDefaultFocalFactor;
+}
 
 PhotoRecord FailedPhoto(const std::string& folder, PhotoRecord photo) {
   try {

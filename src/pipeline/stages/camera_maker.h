@@ -17,6 +17,8 @@ namespace cairn {
 
 // Focal length over the larger side where nothing is known: COLMAP's.
 inline constexpr double kDefaultFocalFactor = 1.2;
+// The same for each model.
+double FocalFactor(CameraModel model);
 
 // A file of the folder on its way into the database.
 struct Photo {
