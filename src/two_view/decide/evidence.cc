@@ -51,20 +51,15 @@ double ChanceOfInlier(const PreparedPair& pair, const Eigen::Matrix3d& E, double
 
 bool HasParallax(const PreparedPair& pair, const Eigen::Matrix3d& H,
                  std::span<const int32_t> inliers, double min_log10_evidence) {
+  constexpr ModelKind kEpipole = {2, 1};
   MatchErrors errors;
   errors.SetHomography(pair.points, H);
-  return ExplainsOthers(pair, errors.values(), inliers, min_log10_evidence);
-}
-
-bool ExplainsOthers(const PreparedPair& pair, std::span<const float> errors_px,
-                    std::span<const int32_t> inliers, double min_log10_evidence) {
-  constexpr ModelKind kRest = {2, 1};
   const auto is_off = [&](float error) { return error > kOutside * pair.max_error_px; };
-  const auto num_off = std::ranges::count_if(errors_px, is_off);
+  const auto num_off = std::ranges::count_if(errors.values(), is_off);
   const auto num_explained =
-      std::ranges::count_if(inliers, [&](int32_t i) { return is_off(errors_px[i]); });
+      std::ranges::count_if(inliers, [&](int32_t i) { return is_off(errors[i]); });
   const double chance = pair.chance_per_px * pair.max_error_px;
-  return Log10NumFalseAlarms(static_cast<int>(num_off), static_cast<int>(num_explained), kRest,
+  return Log10NumFalseAlarms(static_cast<int>(num_off), static_cast<int>(num_explained), kEpipole,
                              chance) < -min_log10_evidence;
 }
 

@@ -39,11 +39,6 @@ double ChanceOfInlier(const PreparedPair& pair, const Eigen::Matrix3d& E, double
 bool HasParallax(const PreparedPair& pair, const Eigen::Matrix3d& H,
                  std::span<const int32_t> inliers, double min_log10_evidence);
 
-// The same of matches with large errors, each of all, at anything that leaves two degrees of
-// freedom of the model.
-bool ExplainsOthers(const PreparedPair& pair, std::span<const float> errors_px,
-                    std::span<const int32_t> inliers, double min_log10_evidence);
-
 // The number of matches (indices into pair.points) that differ in position, by cells of a few
 // thresholds in both images; of many matches, some hundreds are looked at.
 int EstimateNumDistinct(const PreparedPair& pair, std::span<const int32_t> matches);

@@ -51,10 +51,6 @@ class PairFinisher {
       report->geometry.inlier_matches = pair_.Matches(support.inliers);
       return;
     }
-    if (config != TwoViewConfig::kPanoramic && IsOnALine(pair_, support.inliers, options_)) {
-      report->status = PairStatus::kDegenerate;
-      return;
-    }
     // Most of it far away, what is near tells the translation.
     if (config == TwoViewConfig::kPanoramic &&
         HasParallax(pair_, special.H, support.inliers, options_.min_log10_evidence)) {

@@ -63,50 +63,7 @@ bool IsWatermark(const PreparedPair& pair, std::span<const int32_t> inliers, dou
   return static_cast<double>(num_equal) >= needed;
 }
 
-// Hundreds of the inliers, spread over all of them, tell a share well enough.
-std::vector<int32_t> SomeOf(std::span<const int32_t> inliers) {
-  const int step = 1 + (static_cast<int>(inliers.size()) - 1) / kEnoughMatches;
-  std::vector<int32_t> some;
-  for (size_t k = 0; k < inliers.size(); k += step) some.push_back(inliers[k]);
-  return some;
-}
-
 }  // namespace
-
-bool IsOnALine(const PreparedPair& pair, std::span<const int32_t> inliers,
-               const TwoViewOptions& options) {
-  // One of them is of two points on the line with 99.996 %, where 80 % are.
-  constexpr int kNumSamples = 10;
-  const std::vector<int32_t> some = SomeOf(inliers);
-  std::vector<Eigen::Vector3d> rays1, rays2;
-  for (const int32_t i : some) {
-    rays1.push_back(pair.points.Ray1(i).normalized());
-    rays2.push_back(pair.points.Ray2(i).normalized());
-  }
-  const double max_error_px = kOutside * pair.max_error_px;
-  Rng rng(pair.input.seed, "line", pair.input.pair_id);
-  for (int k = 0; k < kNumSamples; ++k) {
-    uint32_t sample[2];
-    rng.Sample(static_cast<uint32_t>(some.size()), 2, sample);
-    const auto [a, b] = sample;
-    // The planes through the line and the cameras; a sine is the distance in focal lengths.
-    const Eigen::Vector3d plane1 = pair.points.focal1_px() * rays1[a].cross(rays1[b]).normalized();
-    const Eigen::Vector3d plane2 = pair.points.focal2_px() * rays2[a].cross(rays2[b]).normalized();
-    const auto error_of = [&](const Eigen::Vector3d& ray1, const Eigen::Vector3d& ray2) {
-      return std::max(std::abs(plane1.dot(ray1)), std::abs(plane2.dot(ray2)));
-    };
-    int num_on = 0;
-    for (size_t i = 0; i < some.size(); ++i) num_on += error_of(rays1[i], rays2[i]) < max_error_px;
-    if (num_on < options.min_special_share * static_cast<double>(some.size())) continue;
-    std::vector<float> errors_px(pair.size());
-    for (int i = 0; i < pair.size(); ++i) {
-      errors_px[i] = static_cast<float>(
-          error_of(pair.points.Ray1(i).normalized(), pair.points.Ray2(i).normalized()));
-    }
-    return !ExplainsOthers(pair, errors_px, inliers, options.min_log10_evidence);
-  }
-  return false;
-}
 
 Eigen::Vector2d ShiftOf(const PairInput& input, const FeatureMatch& match) {
   return input.keypoints2[match.point2].Position() - input.keypoints1[match.point1].Position();
@@ -137,7 +94,10 @@ SpecialPair ClassifyPair(const PreparedPair& pair, std::span<const int32_t> inli
     special.config = TwoViewConfig::kWatermark;
     return special;
   }
-  const std::vector<int32_t> some = SomeOf(inliers);
+  // A share is known well enough from some hundreds of the inliers, spread over all of them.
+  const int step = 1 + (static_cast<int>(inliers.size()) - 1) / kEnoughMatches;
+  std::vector<int32_t> some;
+  for (size_t k = 0; k < inliers.size(); k += step) some.push_back(inliers[k]);
   const int n = static_cast<int>(some.size());
   const double needed = options.min_special_share * n;
   PointPairs points;

@@ -22,11 +22,6 @@ struct SpecialPair {
 SpecialPair ClassifyPair(const PreparedPair& pair, std::span<const int32_t> inliers,
                          const TwoViewOptions& options);
 
-// Are the inliers points of one line in both images, but for some that may be chance? Then many
-// poses explain them.
-bool IsOnALine(const PreparedPair& pair, std::span<const int32_t> inliers,
-               const TwoViewOptions& options);
-
 // How far a match moves in the picture, pixels.
 Eigen::Vector2d ShiftOf(const PairInput& input, const FeatureMatch& match);
 

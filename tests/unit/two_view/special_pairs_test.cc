@@ -57,35 +57,6 @@ TEST(SpecialPairs, SomePointsOffThePlaneDecideBetweenItsMotions) {
   EXPECT_GE(num_right, 19);
 }
 
-Eigen::Vector2d AnyPixel(const Camera& camera, Rng& rng) {
-  return {rng.Uniform() * camera.width, rng.Uniform() * camera.height};
-}
-
-// Wrong matches that a pose explains by chance do not make it known.
-TEST(SpecialPairs, PointsOfOneLineFixNoPose) {
-  for (uint64_t seed = 0; seed < 20; ++seed) {
-    Rng rng(seed);
-    Pair pair = MakePlanarPair(SomeMotion(), false, 1, 0.2, seed);
-    const auto add = [&](const Eigen::Vector2d& pixel1, const Eigen::Vector2d& pixel2) {
-      const auto k = static_cast<point2D_t>(pair.keypoints1.size());
-      pair.keypoints1.push_back(RoundKeypoint(pixel1));
-      pair.keypoints2.push_back(RoundKeypoint(pixel2));
-      pair.matches.push_back({k, k});
-    };
-    for (int i = 0; i < 240; ++i) {
-      const double a = rng.Uniform(-1.0, 1.0);
-      const Eigen::Vector3d X(a, 0.3 * a, 3.0);
-      add(pair.camera1.ImgFromCam(X.hnormalized()) + 0.3 * GaussianVector<2>(rng),
-          pair.camera2.ImgFromCam((SomeMotion() * X).hnormalized()) + 0.3 * GaussianVector<2>(rng));
-    }
-    for (int i = 0; i < 60; ++i) {
-      const Eigen::Vector2d anywhere1 = AnyPixel(pair.camera1, rng);
-      add(anywhere1, AnyPixel(pair.camera2, rng));
-    }
-    EXPECT_NE(VerifyFivePoint(pair).status, PairStatus::kVerified) << seed;
-  }
-}
-
 TEST(SpecialPairs, PureRotationHasNoTranslation) {
   const Pair pair = MakePlanarPair(SomeMotion(), true, 150, 0.3, 2);
   const PairReport report = VerifyFivePoint(pair);
