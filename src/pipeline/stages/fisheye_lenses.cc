@@ -1,8 +1,10 @@
 #include "pipeline/stages/fisheye_lenses.h"
 
 #include <algorithm>
+#include <map>
 #include <set>
 #include <string>
+#include <utility>
 
 #include "intrinsics/camera_pairs.h"
 #include "intrinsics/known_intrinsics.h"
@@ -14,14 +16,16 @@ namespace {
 
 // k r_d^2 where the distorted radius r_d = r (1 + k r^2) is largest.
 constexpr double kFold = -4.0 / 27;
+constexpr CameraModel kFisheye = CameraModel::kSimpleRadialFisheye;
 constexpr double kBeyondDoubt = 3;  // standard deviations
 
+bool IsOpen(const KnownIntrinsics& known, CameraModel model) {
+  return known.camera.model == model && !known.camera.has_prior_focal_length && !known.is_given;
+}
+
 bool IsBeyondFold(const KnownIntrinsics& known) {
-  const Camera& camera = known.camera;
-  const bool may_be = camera.model == CameraModel::kSimpleRadial && known.lens &&
-                      !camera.has_prior_focal_length && !known.is_given;
-  if (!may_be) return false;
-  const double corner = 0.5 * camera.DiagonalPx() / camera.MeanFocal();
+  if (!known.lens) return false;
+  const double corner = 0.5 * known.camera.DiagonalPx() / known.camera.MeanFocal();
   return (known.lens->k + kBeyondDoubt * known.lens->k_sigma) * corner * corner < kFold;
 }
 
@@ -41,14 +45,23 @@ std::set<camera_t> OwnCameras(const Database& database) {
 StageReport TakeFisheyes(Database& database, const RunContext& run) {
   Stage stage(run.monitor, "fisheye_lenses");
   const std::set<camera_t> own = OwnCameras(database);
+  std::map<camera_t, KnownIntrinsics> known = ReadKnownIntrinsics(database);
+  std::erase_if(known, [&](const auto& entry) { return own.count(entry.first) == 0; });
+  const auto size_of = [](const KnownIntrinsics& of) {
+    return std::pair(of.camera.width, of.camera.height);
+  };
+  std::set<std::pair<int, int>> sizes;  // of those before, whose photographs others may have joined
+  for (const auto& [id, of] : known) {
+    if (IsOpen(of, kFisheye)) sizes.insert(size_of(of));
+  }
   std::set<camera_t> fisheyes;
   Database::Transaction transaction(database);
-  for (const auto& [id, known] : ReadKnownIntrinsics(database)) {
-    if (own.count(id) == 0 || !IsBeyondFold(known)) continue;
-    const auto [width, height] = std::pair(known.camera.width, known.camera.height);
-    constexpr CameraModel kModel = CameraModel::kSimpleRadialFisheye;
-    database.WriteCamera(Camera::FromFocal(
-        id, kModel, FocalFactor(kModel) * std::max(width, height), width, height));
+  for (const auto& [id, of] : known) {
+    if (!IsOpen(of, CameraModel::kSimpleRadial)) continue;
+    if (!IsBeyondFold(of) && sizes.count(size_of(of)) == 0) continue;
+    const auto [width, height] = size_of(of);
+    const double guess = FocalFactor(kFisheye) * std::max(width, height);
+    database.WriteCamera(Camera::FromFocal(id, kFisheye, guess, width, height));
     database.WriteCameraLens(id, {});
     fisheyes.insert(id);
   }

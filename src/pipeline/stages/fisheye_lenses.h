@@ -8,9 +8,9 @@ namespace cairn {
 
 // Makes fisheyes (SIMPLE_RADIAL_FISHEYE, with a guessed focal length) of cameras of our photographs
 // whose pairs taught more distortion than SIMPLE_RADIAL can have: r (1 + k r^2) does not reach the
-// image's corners. So bend lenses that show some 150 degrees and more from corner to corner. Their
-// pairs count as not verified. The report, without "cameras" of which it made them if there are
-// none, has a warning of it.
+// image's corners. So bend lenses that show some 150 degrees and more from corner to corner.
+// Photographs of the same size that join later follow. Their pairs count as not verified. The
+// report has a warning, if there are such "cameras".
 StageReport TakeFisheyes(Database& database, const RunContext& run);
 
 }  // namespace cairn

@@ -62,5 +62,19 @@ TEST(FisheyeLenses, AreNotTakenWhereTheModelMayHold) {
   EXPECT_FALSE(is_taken({}, false));
 }
 
+TEST(FisheyeLenses, AreThoseOfPhotographsOfTheirSizeThatJoinLater) {
+  Database database(":memory:");
+  for (camera_t id = 1; id <= 3; ++id) {
+    const int height = id == 2 ? 500 : 400;
+    const CameraModel model = id == 3 ? kFisheye : CameraModel::kSimpleRadial;
+    database.WriteCamera(Camera::FromFocal(id, model, 600, 500, height));
+    const std::string name = std::to_string(id) + ".jpg";
+    database.WriteImage({id, name, id});
+    database.WritePhoto({name, 0, ""});
+  }
+  EXPECT_EQ(TakeFisheyes(database, {}).Value("cameras"), 1);
+  EXPECT_EQ(ModelOf(database), kFisheye);
+}
+
 }  // namespace
 }  // namespace cairn
