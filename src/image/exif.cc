@@ -19,6 +19,7 @@ namespace {
 
 // Of 35 mm film, 36 mm x 24 mm.
 constexpr double kFilmDiagonalMm = 43.27;
+constexpr char kProjection[] = "Xmp.GPano.ProjectionType", kEquirectangular[] = "equirectangular";
 
 // Exiv2's warnings go to the error stream unless its log is muted; its XMP parser is thread-safe
 // only with a lock.
@@ -225,6 +226,11 @@ void AddGps(const GpsPosition& gps, Exiv2::ExifData& data) {
   data["Exif.GPSInfo.GPSAltitudeRef"] = *gps.altitude_m < 0 ? "1" : "0";
 }
 
+bool IsPanorama(const Exiv2::XmpData& data, int width, int height) {
+  const auto type = data.findKey(Exiv2::XmpKey(kProjection));
+  return type != data.end() && type->toString() == kEquirectangular && width == 2 * height;
+}
+
 }  // namespace
 
 ExifInfo ReadExif(const std::string& path, int width, int height) {
@@ -241,6 +247,7 @@ ExifInfo ReadExif(const std::string& path, int width, int height) {
     info.taken_at_s = TakenAt(data);
     info.gps = Gps(data);
     info.focal_px = FocalPx(data, info, width, height);
+    info.is_panorama = IsPanorama(image->xmpData(), width, height);
   } catch (const std::bad_alloc&) {
     throw;
   } catch (const std::exception&) {
@@ -260,6 +267,7 @@ void WriteExif(const std::string& path, const ExifTags& tags) {
     data["Exif.Photo.FocalLengthIn35mmFilm"] = static_cast<uint16_t>(tags.focal_length_35mm);
     if (!tags.taken_at.empty()) data["Exif.Photo.DateTimeOriginal"] = tags.taken_at;
     if (tags.gps) AddGps(*tags.gps, data);
+    if (tags.is_panorama) image->xmpData()[kProjection] = kEquirectangular;
     image->writeMetadata();
   } catch (const Exiv2::Error& error) {
     throw IoError(path, std::string("EXIF cannot be written: ") + error.what());

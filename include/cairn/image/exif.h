@@ -22,6 +22,7 @@ struct ExifInfo {
   // camera wrote them.
   std::optional<double> taken_at_s;
   std::optional<GpsPosition> gps;
+  bool is_panorama = false;  // the whole sphere, equirectangular, by XMP (Google's Photo Sphere)
 };
 
 // Reads EXIF of an image that is width x height pixels. The focal length as COLMAP computes it:
@@ -41,6 +42,7 @@ struct ExifTags {
   std::string camera_model = {};
   std::string taken_at = {};  // "2026:11:22 01:16:43"; "": no time
   std::optional<GpsPosition> gps = {};
+  bool is_panorama = false;
 };
 
 // Adds the tags to the image's EXIF block; tags of other names stay. Throws IoError.

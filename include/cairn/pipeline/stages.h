@@ -31,7 +31,10 @@ struct CameraOptions {
   bool single_camera_per_folder = false;
 
   void VisitFields(OptionVisitor& v) {
-    v.Choice("camera_model", camera_model, NamedCameraModels(), "model of new cameras");
+    v.Choice(
+        "camera_model", camera_model, NamedCameraModels(),
+        "model of new cameras; without camera_params, panoramas of a whole sphere (by XMP) are "
+        "EQUIRECTANGULAR");
     v.Doubles("camera_params", camera_params,
               "parameters of new cameras, in COLMAP's order; without, the focal length comes from "
               "EXIF, or is 1.2 times the larger side (fisheye models: 150 degrees across it)");

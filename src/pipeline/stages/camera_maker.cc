@@ -135,10 +135,11 @@ std::optional<camera_t> CameraMaker::CameraOfFolder(const std::string& folder, P
 const Camera& CameraMaker::Make(const Photo& photo) {
   const std::optional<double> focal =
       photo.given_focal_px ? photo.given_focal_px : photo.exif.focal_px;
-  const double guess =
-      FocalFactor(options_.camera_model) * std::max(photo.size.width, photo.size.height);
-  Camera camera = Camera::FromFocal(next_id_++, options_.camera_model, focal.value_or(guess),
-                                    photo.size.width, photo.size.height);
+  const bool is_panorama = photo.exif.is_panorama && options_.camera_params.empty();
+  const CameraModel model = is_panorama ? CameraModel::kEquirectangular : options_.camera_model;
+  const double guess = FocalFactor(model) * std::max(photo.size.width, photo.size.height);
+  Camera camera = Camera::FromFocal(next_id_++, model, focal.value_or(guess), photo.size.width,
+                                    photo.size.height);
   // A panorama has no focal length to be known.
   camera.has_prior_focal_length = focal.has_value() || camera.FocalIndices().empty();
   if (!options_.camera_params.empty()) {

@@ -37,6 +37,23 @@ TEST(Exif, FocalFrom35mmEquivalentAsColmap) {
   EXPECT_EQ(info.camera_model, "NIKON D60");
 }
 
+TEST(Exif, TellsWholeSpheres) {
+  const TempFolder folder;
+  WriteBitmap(folder / "a.jpg", Bitmap{120, 60, 1, std::vector<uint8_t>(120 * 60, 128)});
+  EXPECT_FALSE(ReadExif(folder / "a.jpg", 120, 60).is_panorama);
+  const auto set_type = [&](const std::string& type) {
+    auto image = Exiv2::ImageFactory::open(folder / "a.jpg");
+    image->readMetadata();
+    image->xmpData()["Xmp.GPano.ProjectionType"] = type;
+    image->writeMetadata();
+  };
+  set_type("equirectangular");
+  EXPECT_TRUE(ReadExif(folder / "a.jpg", 120, 60).is_panorama);
+  EXPECT_FALSE(ReadExif(folder / "a.jpg", 120, 50).is_panorama);  // a part of one
+  set_type("cylindrical");
+  EXPECT_FALSE(ReadExif(folder / "a.jpg", 120, 60).is_panorama);
+}
+
 TEST(Exif, FocalFromMillimetersAndSensorSize) {
   const TempFolder folder;
   // A sensor 22.2 mm x 14.8 mm, 3000 x 2000 pixels at first; the file was made smaller and turned.

@@ -125,6 +125,17 @@ TEST_F(ImportPhotosTest, GpsOfExifIsWhereColmapHasIt) {
   EXPECT_EQ(positions.at(1).altitude_m, 300);
 }
 
+TEST_F(ImportPhotosTest, PanoramasHaveTheirModel) {
+  AddPhoto("a.jpg", 128, 64);
+  WriteExif(images_ + "/a.jpg", {.is_panorama = true});
+  AddPhoto("b.jpg", 128, 64);
+  Import();
+  const std::vector<Camera> cameras = database_.ReadCameras();
+  ASSERT_EQ(cameras.size(), 2u);
+  EXPECT_EQ(cameras[0].model, CameraModel::kEquirectangular);
+  EXPECT_EQ(cameras[1].model, CameraModel::kSimpleRadial);
+}
+
 TEST_F(ImportPhotosTest, EqualExifSharesACamera) {
   AddPhotoOf(35, "One", "a.jpg");
   AddPhotoOf(50, "One", "b.jpg");
