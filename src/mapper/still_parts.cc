@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <iterator>
 
 #include "cairn/base/parallel.h"
@@ -26,11 +27,15 @@ bool Moves(const SceneData& scene, const ViewEdge& edge) {
   return 2 * CountStill(scene, edge, inliers) < static_cast<int>(inliers.size());
 }
 
+// That are looked at. (One pair may be of two turns of a turntable at the same angle, between which
+// all moves alike.)
+constexpr size_t kPairsOfAnImage = 5;
+
 // What an image's verified pairs show.
 struct ImageMotion {
   int num_pairs = 0;
   int num_still = 0;
-  const ViewEdge* best = nullptr;  // of those that move, the one with the most inliers
+  std::vector<const ViewEdge*> best;  // of those that move, the ones with the most inliers
 
   // Photographs of a video may stay still against the next ones, but not against most.
   bool IsStill() const { return 2 * num_still > num_pairs; }
@@ -53,9 +58,12 @@ std::map<image_t, ImageMotion> ImageMotions(const SceneData& scene, int num_thre
       ImageMotion& motion = motions[id];
       ++motion.num_pairs;
       motion.num_still += !moves;
-      const bool is_better = motion.best == nullptr || edge.num_inliers > motion.best->num_inliers;
-      if (moves && is_better) motion.best = &edge;
+      if (moves) motion.best.push_back(&edge);
     }
+  }
+  for (auto& [id, motion] : motions) {
+    std::ranges::stable_sort(motion.best, std::greater<>(), &ViewEdge::num_inliers);
+    motion.best.resize(std::min(motion.best.size(), kPairsOfAnImage));
   }
   return motions;
 }
@@ -96,14 +104,20 @@ std::optional<ResultWarning> FindStillParts(const SceneData& scene, int num_thre
   for (const auto& [id, motion] : motions) {
     num_still += motion.IsStill();
     if (motion.IsStill()) continue;
-    const ViewEdge& edge = *motion.best;
-    const auto [known, is_new] = num_strangers.try_emplace(edge.PairId());
-    if (is_new) known->second = CountStrangers(scene, edge, motions.size());
-    num_partly += known->second > 0;
-    if (known->second <= most) continue;
-    most = known->second;
-    example = " (" + std::to_string(most) + " matches of " + scene.images.at(edge.image_id1).name +
-              " and " + scene.images.at(edge.image_id2).name + ", and others)";
+    bool is_partly_still = false;
+    for (const ViewEdge* edge : motion.best) {
+      const auto [known, is_new] = num_strangers.try_emplace(edge->PairId());
+      if (is_new) {
+        known->second = CountStrangers(scene, *edge, kPairsOfAnImage * motions.size());
+      }
+      is_partly_still |= known->second > 0;
+      if (known->second <= most) continue;
+      most = known->second;
+      example = " (" + std::to_string(most) + " matches of " +
+                scene.images.at(edge->image_id1).name + " and " +
+                scene.images.at(edge->image_id2).name + ", and others)";
+    }
+    num_partly += is_partly_still;
   }
   if (2 * (num_still + num_partly) <= motions.size()) return std::nullopt;
   const std::string photos = " of " + std::to_string(motions.size()) + " photos";

@@ -12,7 +12,9 @@ constexpr int kNumMarks = 15;
 
 // Ten photographs of a scene; the first num_marked of them show marks at the same pixels, which
 // were matched, and verification rejected.
-Database MakeMarkedDatabase(int num_marked, size_t num_marks = kNumMarks) {
+// Pairs with a last image from `first_of_round` on and a first one before it have no marks.
+Database MakeMarkedDatabase(int num_marked, size_t num_marks = kNumMarks,
+                            image_t first_of_round = 100) {
   const SyntheticScene scene = MakeScene(SmallScene(), 3);
   Database database = MakeDatabase(scene);
   Rng rng(1);
@@ -33,6 +35,7 @@ Database MakeMarkedDatabase(int num_marked, size_t num_marks = kNumMarks) {
   for (const image_pair_t pair_id : database.ReadTwoViewGeometryPairIds()) {
     const auto [id1, id2] = PairIdToImagePair(pair_id);
     if (id2 > static_cast<image_t>(num_marked)) continue;
+    if (id1 < first_of_round && id2 >= first_of_round) continue;
     FeatureMatches matches = database.ReadMatches(pair_id).value();
     for (size_t k = 0; k < num_marks; ++k) {
       matches.push_back({static_cast<point2D_t>(scene.keypoints.at(id1).size() + k),
@@ -62,6 +65,20 @@ TEST(StillParts, AreNamedWithTheWayOut) {
 TEST(StillParts, OfFewPhotographsAreNot) {
   EXPECT_EQ(Warnings(Reconstruct(MakeMarkedDatabase(0))), "");
   EXPECT_EQ(Warnings(Reconstruct(MakeMarkedDatabase(4))), "");
+}
+
+// Two turns of a turntable: at the same angle all moves alike, and such pairs share the most.
+TEST(StillParts, OfTwoTurnsAreSeenWithinEach) {
+  constexpr image_t kSecondTurn = 6;
+  Database database = MakeMarkedDatabase(10, kNumMarks, kSecondTurn);
+  for (const image_pair_t pair_id : database.ReadTwoViewGeometryPairIds()) {
+    const auto [id1, id2] = PairIdToImagePair(pair_id);
+    if (id1 < kSecondTurn && id2 >= kSecondTurn) continue;
+    TwoViewGeometry geometry = database.ReadTwoViewGeometry(pair_id).value();
+    geometry.inlier_matches.resize(geometry.inlier_matches.size() / 3);
+    database.WriteTwoViewGeometry(pair_id, geometry);
+  }
+  EXPECT_THAT(Warnings(Reconstruct(database)), HasSubstr("while others move, in 10 of 10 photos"));
 }
 
 // Though all that a pair rejects is still.
