@@ -65,10 +65,10 @@ StageReport TakeFisheyes(Database& database, const RunContext& run) {
     database.WriteCameraLens(id, {});
     fisheyes.insert(id);
   }
-  UndoVerification(database, CamerasOfImages(database), fisheyes);
-  transaction.Commit();
   stage.Add("cameras", fisheyes.size());
   if (!fisheyes.empty()) {
+    UndoVerification(database, CamerasOfImages(database), fisheyes);
+    transaction.Commit();
     stage.Warn(ResultWarning{
         std::to_string(fisheyes.size()) + (fisheyes.size() == 1 ? " camera is" : " cameras are") +
             " taken for fisheye lenses (SIMPLE_RADIAL_FISHEYE), which show more than 150 degrees: "
