@@ -55,24 +55,27 @@ struct State {
   ReconstructSettings settings{};
 };
 
+// The earlier model that a model has the most images of.
+size_t BeginningOf(const Reconstruction& model, const std::vector<Reconstruction>& earlier) {
+  std::set<std::string> names;
+  for (const auto& [id, image] : model.images) names.insert(image.image.name);
+  const auto num_common = [&](const Reconstruction& other) {
+    return std::ranges::count_if(
+        other.images, [&](const auto& entry) { return names.contains(entry.second.image.name); });
+  };
+  return std::ranges::max_element(earlier, {}, num_common) - earlier.begin();
+}
+
 // A model that goes on from an earlier one keeps its frame, and so its place on Earth.
 void KeepPlaces(const std::string& input_path, const std::vector<Reconstruction>& earlier,
                 ReconstructResult& result) {
   const std::vector<std::string> folders = ModelsIn(input_path);
   result.georegistrations.resize(result.models.size());
   for (size_t k = 0; k < result.models.size(); ++k) {
-    std::set<std::string> names;
-    for (const auto& [id, image] : result.models[k].images) names.insert(image.image.name);
-    const auto goes_on = [&](const Reconstruction& model) {
-      return std::ranges::any_of(
-          model.images, [&](const auto& entry) { return names.contains(entry.second.image.name); });
-    };
-    for (size_t i = 0; i < earlier.size() && result.georegistrations[k].empty(); ++i) {
-      const std::string place = folders[i] + "/georegistration.json";
-      if (goes_on(earlier[i]) && std::filesystem::exists(place)) {
-        result.georegistrations[k] = PlaceAlone(ReadFile(place));
-      }
-    }
+    if (!result.georegistrations[k].empty() || !result.keeps_frame[k]) continue;
+    const std::string place =
+        folders[BeginningOf(result.models[k], earlier)] + "/georegistration.json";
+    if (std::filesystem::exists(place)) result.georegistrations[k] = PlaceAlone(ReadFile(place));
   }
 }
 

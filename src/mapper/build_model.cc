@@ -285,6 +285,7 @@ BuiltModel ContinueModel(StageContext& context, const Reconstruction& earlier,
   built.warnings.insert(built.warnings.end(), moved.begin(), moved.end());
   RenumberPoints(context.run.num_threads, model);
   built.model = std::move(model);
+  built.keeps_frame = true;
   return built;
 }
 

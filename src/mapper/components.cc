@@ -112,6 +112,7 @@ void TakeIn(StageContext& context, BuiltModel built, SceneModels& result) {
     }
   }
   result.models.push_back(std::move(*built.model));
+  result.keeps_frame.push_back(built.keeps_frame);
   result.warnings.push_back(std::move(warnings));
   result.evidence_nats += built.evidence.nats;
 }

@@ -83,6 +83,7 @@ class PartMerger {
         result_.report.warnings.push_back(std::move(warning));
       }
       if (!scene_.poses_alone) result_.explained_shares.push_back(part->explained_shares[i]);
+      result_.keeps_frame.push_back(part->keeps_frame[i]);
       result_.models.push_back(std::move(model));
     }
   }

@@ -105,6 +105,7 @@ struct BuiltModel {
   std::vector<size_t> duplicate_edges;  // between two places that the model shows as one; removed
   double min_angle_deg = 0;
   std::vector<ResultWarning> warnings{};
+  bool keeps_frame = false;  // that of an earlier model
 };
 
 }  // namespace cairn

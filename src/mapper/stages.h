@@ -74,6 +74,7 @@ struct SceneModels {
   std::vector<Reconstruction> models;
   std::vector<std::vector<ResultWarning>> warnings;  // of each model
   std::vector<double> explained_shares;              // as in ReconstructResult
+  std::vector<bool> keeps_frame;                     // likewise
   std::vector<WithoutModel> without_model;
   double evidence_nats = 0;
 };

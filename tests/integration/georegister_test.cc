@@ -1,6 +1,7 @@
 // Where on Earth a model is, by the program.
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <cmath>
 #include <fstream>
 #include <iomanip>
@@ -109,6 +110,25 @@ TEST(Georegister, ReconstructPutsModelsInTheFrame) {
   EXPECT_EQ(kept["origin"], place["origin"]);
   EXPECT_EQ(kept["enu_from_world"], place["enu_from_world"]);
   EXPECT_FALSE(kept.contains("images"));
+}
+
+// Its images are reconstructed from nothing, in another frame.
+TEST(Georegister, TheModelsThatReplaceAGivenUpOneAreNotWhereItWas) {
+  const SceneFiles scene;
+  Reconstruction wrong = ReadColmapModel(SceneFiles::truth());
+  for (auto& [id, image] : wrong.images) {
+    const Eigen::AngleAxisd turn(id, Eigen::Vector3d(1, id, 2).normalized());
+    image.cam_from_world.rotation = turn * image.cam_from_world.rotation;
+  }
+  WriteColmapModel(wrong, scene / "wrong");
+  WriteFileAtomically(scene / "wrong/georegistration.json",
+                      R"({"axes": "", "origin": {}, "enu_from_world": {}})");
+  const ProgramResult result = RunProgram(
+      "global_sfm", {"reconstruct", "--database_path", scene.database(), "--input_path",
+                     scene / "wrong", "--output_path", scene / "model", "--report", "0"});
+  ASSERT_EQ(result.exit_code, 0) << result.output;
+  EXPECT_THAT(result.output, HasSubstr("was given up"));
+  EXPECT_FALSE(std::filesystem::exists(scene / "model/sparse/0/georegistration.json"));
 }
 
 TEST(Georegister, ControlPointsAreReported) {

@@ -107,6 +107,8 @@ struct ReconstructResult {
   // Of the verified matches of each model's images, how many agree with it; none where pairs have
   // no matches.
   std::vector<double> explained_shares;
+  // Of each model, whether it goes on from an earlier one, and has its world frame.
+  std::vector<bool> keeps_frame = {};
   std::vector<Image> images;  // all images of the database, by id
   ViewGraph graph;            // all verified pairs, with the reasons of those that were taken out
   RunReport report;

@@ -290,6 +290,7 @@ TEST_F(EarlierModelsTest, AWrongModelIsGivenUpAndItsImagesAreReconstructed) {
   ASSERT_EQ(result.models.size(), 1u) << result.report.failure;
   EXPECT_EQ(result.models[0].images.size(), 12u);
   EXPECT_THAT(WarningsOf(result), Contains(HasSubstr("was given up")));
+  EXPECT_EQ(result.keeps_frame, std::vector<bool>{false});
   EXPECT_TRUE(result.report.Succeeded());
 }
 
