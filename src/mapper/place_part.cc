@@ -128,9 +128,10 @@ double BaselineLength(const Rigid3d& a_from_b, const std::vector<Sighting>& sigh
 bool Agrees(const Sighting& sighting, const Sim3d& image_from_point, const Reconstruction& model,
             double max_error_px) {
   const RegisteredImage& image = *sighting.image;
-  return ReprojectionErrorPx(model.CameraOf(image), image.cam_from_world,
-                             image_from_point * sighting.xyz,
-                             image.points2D[sighting.keypoint]) <= max_error_px;
+  const Camera& camera = model.CameraOf(image);
+  return ReprojectionErrorPx(camera, image.cam_from_world, image_from_point * sighting.xyz,
+                             image.points2D[sighting.keypoint]) <=
+         max_error_px * camera.ErrorScale();
 }
 
 // Searches the similarity with which most sightings agree.

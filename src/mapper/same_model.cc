@@ -12,19 +12,20 @@ namespace cairn {
 namespace {
 
 // How far the points that an image sees in a finished model lie from its keypoints by its pose in a
-// rough one, median, pixels.
+// rough one, median, pixels (over Camera::ErrorScale).
 double ShiftPx(const Reconstruction& finished, const Sim3d& rough_from_finished,
                const Reconstruction& rough, const RegisteredImage& image) {
   const RegisteredImage& seen = finished.images.at(image.image.image_id);
+  const Camera& camera = rough.CameraOf(image);
   std::vector<double> shifts;
   for (size_t i = 0; i < seen.point3D_ids.size(); ++i) {
     if (seen.point3D_ids[i] == kInvalidPoint3DId) continue;
     const Eigen::Vector3d point =
         rough_from_finished * finished.points3D.at(seen.point3D_ids[i]).xyz;
-    shifts.push_back(
-        ReprojectionErrorPx(rough.CameraOf(image), image.cam_from_world, point, seen.points2D[i]));
+    shifts.push_back(ReprojectionErrorPx(camera, image.cam_from_world, point, seen.points2D[i]));
   }
-  return shifts.empty() ? std::numeric_limits<double>::infinity() : UpperMedian(shifts);
+  return shifts.empty() ? std::numeric_limits<double>::infinity()
+                        : UpperMedian(shifts) / camera.ErrorScale();
 }
 
 }  // namespace

@@ -13,8 +13,8 @@ const Sim3d kMoved{1.7, Eigen::Quaterniond(ExpSO3({0.4, -1.1, 0.6})), {3, -2, 5}
 // The true model in two; the part in a frame of its own. Few matches are left between them, and a
 // quarter of these is wrong.
 struct TwoModels : IncompleteModel {
-  explicit TwoModels(size_t num_kept = 12)
-      : IncompleteModel({}),
+  explicit TwoModels(size_t num_kept = 12, const SceneOptions& options = SmallScene())
+      : IncompleteModel({}, 1, options),
         rest(PartOf(model, kRest, IsOfRest)),
         part(PartOf(model, kPart, IsOfPart)) {
     part.Transform(kMoved);
@@ -118,8 +118,8 @@ TEST(GroupsOfOwnScale, APartThatSharesNoPointsIsOne) {
 }
 
 // The points of each are where the images of the other show them, though no point is of both.
-TEST(GroupsOfOwnScale, APartInItsPlaceIsNoWarning) {
-  TwoModels scene(1000);
+void ExpectNoWarningOfAPartInItsPlace(const SceneOptions& options) {
+  TwoModels scene(1000, options);
   scene.part.Transform(Inverse(kMoved));
   scene.model.points3D.clear();
   for (const Reconstruction* model : {&scene.rest, &scene.part}) {
@@ -133,6 +133,19 @@ TEST(GroupsOfOwnScale, APartInItsPlaceIsNoWarning) {
   }
   EXPECT_EQ(FindGroupsOfOwnScale(scene.context, scene.Built()).size(), 1u);
   EXPECT_EQ(NumWarnings(JudgeModel(scene.context, scene.Built()), "since few points join"), 0);
+}
+
+TEST(GroupsOfOwnScale, APartInItsPlaceIsNoWarning) {
+  ExpectNoWarningOfAPartInItsPlace(SmallScene());
+}
+
+// Keypoints of photographs that were matched at a quarter of their size are four times as far off.
+TEST(GroupsOfOwnScale, APartInItsPlaceIsNoWarningInLargePhotographs) {
+  SceneOptions options = SmallScene();
+  options.image_width = 12800;
+  options.image_height = 9600;
+  options.image_noise_px = 4 * 1.6;
+  ExpectNoWarningOfAPartInItsPlace(options);
 }
 
 // As after bundle adjustment without a point in common: the part lies anywhere.

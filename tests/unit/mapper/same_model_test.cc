@@ -9,9 +9,10 @@ namespace {
 
 // The true model of a scene without an image, turned in another frame; each pose off by a little.
 struct RoughModel : IncompleteModel {
-  RoughModel() : IncompleteModel({3}) {
+  explicit RoughModel(double factor = 1, const SceneOptions& options = SmallScene())
+      : IncompleteModel({3}, 1, options) {
     for (auto& [id, image] : model.images) {
-      const Rigid3d error(ExpSO3({0, 5e-4 * (id % 3), 0}), {1e-3, 0, 0});
+      const Rigid3d error(ExpSO3({0, factor * 5e-4 * (id % 3), 0}), {factor * 1e-3, 0, 0});
       image.cam_from_world = error * image.cam_from_world;
     }
     model.Transform({2.5, ExpSO3({0.3, -1, 2}), {5, -3, 1}});
@@ -20,6 +21,15 @@ struct RoughModel : IncompleteModel {
 };
 
 TEST(LeadsTo, PosesThatAreNearInAnyFrame) { EXPECT_TRUE(RoughModel().LeadsToTruth()); }
+
+// Where triangulation takes errors in proportion.
+TEST(LeadsTo, PosesThatAreNearInLargePhotographs) {
+  SceneOptions options = SmallScene();
+  options.image_width = 12800;
+  options.image_height = 9600;
+  EXPECT_TRUE(RoughModel(0.5, options).LeadsToTruth());
+  EXPECT_FALSE(RoughModel(2.0, options).LeadsToTruth());
+}
 
 TEST(LeadsTo, NotWhereOneImageIsElsewhere) {
   RoughModel turned;
