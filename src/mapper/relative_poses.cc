@@ -15,6 +15,7 @@
 namespace cairn {
 namespace {
 
+// Times the pair's error scale, as other errors in pixels here:
 constexpr double kWidePx = 8.0;  // a pose from a decomposition is rough
 constexpr double kFinePx = 2.0;
 // So many inliers off the rotation tell the direction, however many more are far away. (Wrong
@@ -25,6 +26,7 @@ constexpr int kEnoughNear = 30;
 struct PairRays {
   std::vector<Eigen::Vector3d> rays1, rays2;
   PointPairs points;
+  double error_scale = 1.0;  // Camera::ErrorScale, the larger one
 };
 
 PairRays RaysOf(const SceneData& scene, const ViewEdge& edge) {
@@ -34,6 +36,7 @@ PairRays RaysOf(const SceneData& scene, const ViewEdge& edge) {
   const std::vector<Eigen::Vector2d>& pixels2 = scene.pixels.at(edge.image_id2);
   const FeatureMatches& matches = scene.matches.at(edge.PairId());
   PairRays rays;
+  rays.error_scale = std::max(camera1.ErrorScale(), camera2.ErrorScale());
   rays.points.Reset(static_cast<int>(matches.size()), camera1, camera2);
   for (const FeatureMatch& match : matches) {
     const Eigen::Vector2d &pixel1 = pixels1[match.point1], &pixel2 = pixels2[match.point2];
@@ -78,20 +81,22 @@ std::vector<Rigid3d> Candidates(const SceneData& scene, const ViewEdge& edge,
 }
 
 // The best two by soft support, refined, first with a wide scale: the one with more support.
-Rigid3d RefineBest(const PointPairs& points, const std::vector<Rigid3d>& candidates) {
+Rigid3d RefineBest(const PairRays& rays, const std::vector<Rigid3d>& candidates) {
+  const PointPairs& points = rays.points;
+  const double wide_px = kWidePx * rays.error_scale, fine_px = kFinePx * rays.error_scale;
   std::vector<std::pair<double, size_t>> order;
   for (size_t i = 0; i < candidates.size(); ++i) {
-    order.emplace_back(-SoftScoreSampson(points, EssentialFromPose(candidates[i]), kWidePx), i);
+    order.emplace_back(-SoftScoreSampson(points, EssentialFromPose(candidates[i]), wide_px), i);
   }
   std::sort(order.begin(), order.end());
   double best_score = -1;
   Rigid3d best;
   for (size_t k = 0; k < std::min<size_t>(2, order.size()); ++k) {
     Rigid3d pose = candidates[order[k].second];
-    for (const double scale_px : {kWidePx, kFinePx}) {
+    for (const double scale_px : {wide_px, fine_px}) {
       pose = RefinePose(points, pose, {.loss = RobustLoss::kGemanMcClure, .scale_px = scale_px});
     }
-    const double score = ScoreSampson(points, EssentialFromPose(pose), kFinePx);
+    const double score = ScoreSampson(points, EssentialFromPose(pose), fine_px);
     if (score > best_score) {
       best_score = score;
       best = pose;
@@ -111,12 +116,12 @@ void ImproveEdge(const SceneData& scene, const TwoViewGeometry& geometry, ViewEd
   edge.removal = EdgeRemoval::kNoPose;
   if (points.size() < 8 || candidates.empty()) return;
 
-  const Rigid3d best = RefineBest(points, candidates);
+  const Rigid3d best = RefineBest(rays, candidates);
   const MatchErrors errors(points, EssentialFromPose(best));
   std::vector<Eigen::Vector3d> inliers1, inliers2;
   std::vector<double> parallaxes, inlier_errors;
   for (int i = 0; i < points.size(); ++i) {
-    if (errors[i] > 2 * kFinePx) continue;
+    if (errors[i] > 2 * kFinePx * rays.error_scale) continue;
     inliers1.push_back(rays.rays1[i]);
     inliers2.push_back(rays.rays2[i]);
     inlier_errors.push_back(errors[i]);
@@ -131,9 +136,10 @@ void ImproveEdge(const SceneData& scene, const TwoViewGeometry& geometry, ViewEd
     parallaxes.push_back(points.focal2_px() * AngleBetween(x, inliers2[i]));
   }
   const double parallax_px = UpperMedian(parallaxes);
+  const double min_parallax_px = kMinParallaxPx * rays.error_scale;
   const auto num_near =
-      std::ranges::count_if(parallaxes, [](double px) { return px >= kMinParallaxPx; });
-  const bool is_rotation = parallax_px < kMinParallaxPx && num_near < kEnoughNear;
+      std::ranges::count_if(parallaxes, [&](double px) { return px >= min_parallax_px; });
+  const bool is_rotation = parallax_px < min_parallax_px && num_near < kEnoughNear;
   if (is_rotation && !HasTurned(front.cam2_from_cam1.rotation)) return;
   edge.removal = EdgeRemoval::kNone;
   if (is_rotation) {
@@ -149,7 +155,7 @@ void ImproveEdge(const SceneData& scene, const TwoViewGeometry& geometry, ViewEd
 // epipolar planes, by reweighted least squares.
 Eigen::Vector3d TranslationFor(const Eigen::Matrix3d& R, const PairRays& rays) {
   constexpr int kIterations = 10;
-  const double focal_px = rays.points.focal2_px();
+  const double focal_px = rays.points.focal2_px() / rays.error_scale;
   Eigen::Vector3d t = Eigen::Vector3d::Zero();
   for (int iteration = 0; iteration < kIterations; ++iteration) {
     Eigen::Matrix3d M = Eigen::Matrix3d::Zero();
@@ -171,7 +177,8 @@ int NumExplained(const PairRays& rays, const Rigid3d& pose) {
   const CheiralityTest test(pose);
   int num_explained = 0;
   for (size_t i = 0; i < rays.rays1.size(); ++i) {
-    num_explained += errors[i] < kFinePx && test.IsInFront(rays.rays1[i], rays.rays2[i]);
+    num_explained +=
+        errors[i] < kFinePx * rays.error_scale && test.IsInFront(rays.rays1[i], rays.rays2[i]);
   }
   return num_explained;
 }
@@ -183,7 +190,8 @@ bool RefitEdge(const SceneData& scene, const Eigen::Quaterniond& rotation, doubl
   if (rays.rays1.size() < 8) return false;
   const Rigid3d start(rotation, TranslationFor(rotation.toRotationMatrix(), rays));
   Rigid3d pose =
-      RefinePose(rays.points, start, {.loss = RobustLoss::kGemanMcClure, .scale_px = kFinePx});
+      RefinePose(rays.points, start,
+                 {.loss = RobustLoss::kGemanMcClure, .scale_px = kFinePx * rays.error_scale});
   if (RadToDeg(AngleBetween(pose.rotation, rotation)) > max_error_deg) pose = start;
   const Rigid3d back(pose.rotation, Eigen::Vector3d(-pose.translation));
   const int num_pose = NumExplained(rays, pose);

@@ -152,6 +152,24 @@ TEST(ImproveRelativePoses, LeavesARotationAloneWhereNothingShowsParallax) {
   EXPECT_LT(RotationErrorDeg(edge, pair), 0.5);
 }
 
+// The noise of keypoints grows with photographs that were matched at a smaller size.
+TEST(ImproveRelativePoses, LeavesARotationAloneInLargePhotographs) {
+  for (const double size : {1.0, 4.0}) {
+    TwoImages pair(800, 1.0, 3, Motion::kTurn);
+    Camera& camera = pair.scene.cameras.at(1);
+    camera.width = static_cast<int>(3200 * size);
+    for (double& param : camera.params) param *= size;
+    for (auto& [id, pixels] : pair.scene.pixels) {
+      for (Eigen::Vector2d& pixel : pixels) pixel *= size;
+    }
+    pair.scene.edges[0].cam2_from_cam1.translation = Eigen::Vector3d::UnitX();
+    const ViewEdge edge = Improved(pair, {});
+    EXPECT_TRUE(edge.IsActive()) << size;
+    EXPECT_FALSE(edge.HasTranslation()) << size;
+    EXPECT_LT(RotationErrorDeg(edge, pair), 0.5) << size;
+  }
+}
+
 // Most of what the two see is far away: their parallax, in the median, is none.
 TEST(ImproveRelativePoses, NearMatchesTellTheDirectionBeforeAFarBackground) {
   for (const double turn : {1.0, 0.0}) {
