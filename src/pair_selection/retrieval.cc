@@ -14,11 +14,14 @@ constexpr int64_t kQueryRows = 64;
 
 // The `num` images with the largest values that are not left out, best first.
 std::vector<image_t> Largest(const Eigen::Ref<const Eigen::RowVectorXf>& values,
-                             const std::vector<image_t>& ids, image_t self,
-                             const std::vector<image_t>& left_out, int num) {
+                             const std::vector<image_t>& ids, const Queries::value_type& query,
+                             int num) {
+  const auto& [self, asks] = query;
   std::vector<int> columns;
   for (int i = 0; i < values.size(); ++i) {
-    if (ids[i] != self && !std::ranges::binary_search(left_out, ids[i])) columns.push_back(i);
+    const bool is_left_out = ids[i] == self || std::ranges::binary_search(asks.left_out, ids[i]) ||
+                             (asks.part && std::ranges::binary_search(*asks.part, ids[i]));
+    if (!is_left_out) columns.push_back(i);
   }
   const size_t kept = std::min(columns.size(), static_cast<size_t>(num));
   std::partial_sort(
@@ -67,8 +70,7 @@ std::vector<std::vector<image_t>> MostSimilar(const DescribedImages& images, con
     }
     const FloatRows products = rows * images.descriptions.transpose();
     for (int64_t i = 0; i < count; ++i) {
-      const auto& [id, left_out] = *each[first + i];
-      similar[first + i] = Largest(products.row(i), images.ids, id, left_out, num);
+      similar[first + i] = Largest(products.row(i), images.ids, *each[first + i], num);
     }
   });
   return similar;
@@ -100,7 +102,7 @@ Candidates FindCandidates(const DescribedImages& images, const Queries& queries,
   std::vector<image_pair_t> pairs;
   const auto similar = MostSimilar(images, queries, num_candidates, num_threads);
   auto of_image = similar.begin();
-  for (const auto& [id, left_out] : queries) {
+  for (const auto& [id, query] : queries) {
     if (!std::ranges::binary_search(images.ids, id)) continue;
     for (const image_t other : *of_image++) {
       candidates[id].push_back({other, 0});

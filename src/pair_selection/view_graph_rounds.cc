@@ -68,16 +68,11 @@ Queries FindMatched(const PairEvidence& evidence) {
   for (const image_t image : evidence.images) matched[image];
   for (const image_pair_t pair : evidence.matched) {
     const auto [id1, id2] = PairIdToImagePair(pair);
-    matched[id1].push_back(id2);
-    matched[id2].push_back(id1);
+    matched[id1].left_out.push_back(id2);
+    matched[id2].left_out.push_back(id1);
   }
-  for (auto& [image, of_image] : matched) std::ranges::sort(of_image);
+  for (auto& [image, query] : matched) std::ranges::sort(query.left_out);
   return matched;
-}
-
-void AddSorted(const std::vector<image_t>& added, std::vector<image_t>& images) {
-  images.insert(images.end(), added.begin(), added.end());
-  images = Unique(std::move(images));
 }
 
 // Component of every image; 0 is the largest.
@@ -156,12 +151,13 @@ Queries AskForLoops(const PairEvidence& evidence, int num_threads) {
   ParallelFor(num_threads, std::ssize(each), [&](int64_t i) {
     const auto own = neighbors.find(each[i]->first);
     if (own == neighbors.end()) return;
-    std::vector<image_t> near(own->second.begin(), own->second.end());
+    std::vector<image_t>& left_out = each[i]->second.left_out;
+    left_out.insert(left_out.end(), own->second.begin(), own->second.end());
     for (const image_t neighbor : own->second) {
       const std::set<image_t>& next = neighbors.at(neighbor);
-      near.insert(near.end(), next.begin(), next.end());
+      left_out.insert(left_out.end(), next.begin(), next.end());
     }
-    AddSorted(near, each[i]->second);
+    left_out = Unique(std::move(left_out));
   });
   return queries;
 }
@@ -180,16 +176,20 @@ std::vector<image_pair_t> PairsClosingLoops(const PairEvidence& evidence, const 
 Queries AskForWeakImages(const PairEvidence& evidence) {
   const NeighborsOfImages neighbors = FindNeighbors(evidence);
   const std::map<image_t, int> component_of = FindComponents(evidence);
-  std::map<int, std::vector<image_t>> parts;
-  for (const auto& [image, component] : component_of) parts[component].push_back(image);
+  std::map<int, std::shared_ptr<std::vector<image_t>>> parts;
+  for (const auto& [image, component] : component_of) {
+    auto& part = parts[component];
+    if (!part) part = std::make_shared<std::vector<image_t>>();
+    part->push_back(image);
+  }
   Queries queries;
-  for (auto& [image, left_out] : FindMatched(evidence)) {
+  for (auto& [image, query] : FindMatched(evidence)) {
     const auto component = component_of.find(image);
     if (component == component_of.end()) continue;
     const bool is_apart = component->second != 0;
     if (!is_apart && std::ssize(neighbors.at(image)) >= kFewPairs) continue;
-    queries[image] = left_out;
-    if (is_apart) AddSorted(parts.at(component->second), queries[image]);
+    if (is_apart) query.part = parts.at(component->second);
+    queries[image] = std::move(query);
   }
   return queries;
 }

@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <map>
+#include <memory>
 #include <set>
 #include <vector>
 
@@ -80,8 +81,13 @@ struct DescribedImages {
   std::vector<Descriptors> largest_features;
 };
 
-// Images that ask for candidates, and which ones each leaves out, ascending.
-using Queries = std::map<image_t, std::vector<image_t>>;
+// An image that asks for candidates.
+struct Query {
+  std::vector<image_t> left_out;  // ascending
+  // Left out, too: ascending, one list of all images that have it; null: none.
+  std::shared_ptr<const std::vector<image_t>> part = nullptr;
+};
+using Queries = std::map<image_t, Query>;
 
 // For each image that asks, the `num` ones with the largest products of descriptions, best first,
 // of equal ones the first. All are compared: 10^4 images of 64 words take a minute of one core.

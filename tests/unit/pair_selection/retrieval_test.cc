@@ -81,9 +81,12 @@ TEST(Retrieval, ImagesThatShareMostComeFirst) {
     EXPECT_THAT(similar[i], UnorderedElementsAre(at(1), at(-1), at(2), at(-2)));
   }
   // Frames of one pass of a video hide those of another one, unless they are left out.
-  const auto others = MostSimilar(described, {{7, {}}, {105, {104, 106}}}, 2, 1);
+  const auto others = MostSimilar(described, {{7, {}}, {105, {{104, 106}}}}, 2, 1);
   ASSERT_EQ(others.size(), 1u);
   EXPECT_THAT(others[0], UnorderedElementsAre(103, 107));
+  const auto part = std::make_shared<const std::vector<image_t>>(std::vector<image_t>{103, 105});
+  const auto apart = MostSimilar(described, {{105, {{104, 106}, part}}}, 1, 1);
+  EXPECT_THAT(apart.at(0), ElementsAre(107));
 }
 
 TEST(Retrieval, LargestFeaturesDecideTheOrder) {
@@ -106,7 +109,7 @@ TEST(Retrieval, LargestFeaturesDecideTheOrder) {
   EXPECT_EQ(pairs.size(), described.ids.size());  // the ring
   EXPECT_EQ(pairs[0], ImagePairToPairId(100, 101));
   EXPECT_EQ(pairs[1], ImagePairToPairId(100, 100 + kNumImages - 1));
-  const Candidates of_one = FindCandidates(described, {{105, {104}}}, 6, 2);
+  const Candidates of_one = FindCandidates(described, {{105, {{104}}}}, 6, 2);
   EXPECT_EQ(of_one.at(105).front(), (Candidate{106, candidates.at(106).at(0).num_matches}));
 }
 

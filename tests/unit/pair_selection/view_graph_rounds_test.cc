@@ -54,8 +54,8 @@ TEST(PairsClosingLoops, FarInTheGraphAndAlike) {
   evidence.matched.insert(pair(4, 7));
   const Queries queries = AskForLoops(evidence, 2);
   EXPECT_EQ(queries.size(), 8u);
-  EXPECT_THAT(queries.at(1), ElementsAre(1, 2, 3));
-  EXPECT_THAT(queries.at(4), ElementsAre(2, 3, 4, 5, 6, 7));
+  EXPECT_THAT(queries.at(1).left_out, ElementsAre(1, 2, 3));
+  EXPECT_THAT(queries.at(4).left_out, ElementsAre(2, 3, 4, 5, 6, 7));
 
   Candidates first;
   for (image_t i = 1; i < 8; ++i) first[i] = {{i + 1, 30}};
@@ -80,10 +80,23 @@ TEST(AskForWeakImages, FewPairsOrApart) {
   evidence.images.insert(11);
   evidence.matched.insert(pair(1, 11));
   const Queries queries = AskForWeakImages(evidence);
-  EXPECT_EQ(queries.size(), 6u);                         // 1 to 5 have enough
-  EXPECT_THAT(queries.at(6), ElementsAre(5));            // has one
-  EXPECT_THAT(queries.at(8), ElementsAre(7, 8, 9, 10));  // is apart
-  EXPECT_THAT(queries.at(11), ElementsAre(1, 11));       // has none
+  EXPECT_EQ(queries.size(), 6u);                        // 1 to 5 have enough
+  EXPECT_THAT(queries.at(6).left_out, ElementsAre(5));  // has one
+  EXPECT_EQ(queries.at(6).part, nullptr);
+  EXPECT_THAT(queries.at(8).left_out, ElementsAre(7, 9, 10));
+  EXPECT_THAT(*queries.at(8).part, ElementsAre(7, 8, 9, 10));  // is apart
+  EXPECT_THAT(queries.at(11).left_out, ElementsAre(1));        // has none
+  EXPECT_THAT(*queries.at(11).part, ElementsAre(11));
+}
+
+// A list each would grow with the square of the part: 40 GB for 100,000 photographs.
+TEST(AskForWeakImages, APartIsOneList) {
+  PairEvidence evidence;
+  for (image_t i = 1; i < 10; ++i) AddVerified(evidence, i, i + 1);
+  for (image_t i = 11; i < 19; ++i) AddVerified(evidence, i, i + 1);
+  const Queries queries = AskForWeakImages(evidence);
+  EXPECT_EQ(queries.at(11).part->size(), 9u);
+  EXPECT_EQ(queries.at(11).part, queries.at(19).part);
 }
 
 }  // namespace
