@@ -148,12 +148,14 @@ int Run(const BenchOptions& options, const TwoViewOptions& verification) {
 
 int main(int argc, char** argv) {
   using namespace cairn;
-  Program program("robustness_bench", "Success of verifiers by outliers and noise");
-  bench::BenchOptions options;
-  Command& command = program.MainCommand();
-  TwoViewOptions verification;
-  command.AddOptions("", options);
-  command.AddOptions("verification", verification);
-  command.SetRun([&] { return bench::Run(options, verification); });
-  return program.Run(argc, argv);
+  return RunMain([&] {
+    Program program("robustness_bench", "Success of verifiers by outliers and noise");
+    bench::BenchOptions options;
+    Command& command = program.MainCommand();
+    TwoViewOptions verification;
+    command.AddOptions("", options);
+    command.AddOptions("verification", verification);
+    command.SetRun([&] { return bench::Run(options, verification); });
+    return program.Run(argc, argv);
+  });
 }

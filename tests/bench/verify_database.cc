@@ -127,14 +127,16 @@ int Run(const BenchOptions& options, const DepthOptions& depth_options,
 
 int main(int argc, char** argv) {
   using namespace cairn;
-  Program program("verify_database", "Measures two-view verification over a database");
-  bench::BenchOptions options;
-  DepthOptions depth;
-  TwoViewOptions verification;
-  Command& command = program.MainCommand();
-  command.AddOptions("", options);
-  command.AddOptions("depth", depth);
-  command.AddOptions("verification", verification);
-  command.SetRun([&] { return bench::Run(options, depth, verification); });
-  return program.Run(argc, argv);
+  return RunMain([&] {
+    Program program("verify_database", "Measures two-view verification over a database");
+    bench::BenchOptions options;
+    DepthOptions depth;
+    TwoViewOptions verification;
+    Command& command = program.MainCommand();
+    command.AddOptions("", options);
+    command.AddOptions("depth", depth);
+    command.AddOptions("verification", verification);
+    command.SetRun([&] { return bench::Run(options, depth, verification); });
+    return program.Run(argc, argv);
+  });
 }

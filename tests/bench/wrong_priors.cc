@@ -222,12 +222,14 @@ int Run(const Options& options, const TwoViewOptions& verification) {
 
 int main(int argc, char** argv) {
   using namespace cairn;
-  Program program("wrong_priors", "Measures what becomes of pairs with wrong focal lengths");
-  bench::Options options;
-  TwoViewOptions verification;
-  Command& command = program.MainCommand();
-  command.AddOptions("", options);
-  command.AddOptions("verification", verification);
-  command.SetRun([&] { return bench::Run(options, verification); });
-  return program.Run(argc, argv);
+  return RunMain([&] {
+    Program program("wrong_priors", "Measures what becomes of pairs with wrong focal lengths");
+    bench::Options options;
+    TwoViewOptions verification;
+    Command& command = program.MainCommand();
+    command.AddOptions("", options);
+    command.AddOptions("verification", verification);
+    command.SetRun([&] { return bench::Run(options, verification); });
+    return program.Run(argc, argv);
+  });
 }
