@@ -132,7 +132,10 @@ PairReport FocalVerifier::Judge(PairReport report) const {
   if (report.geometry.config == TwoViewConfig::kPlanar) {
     const Eigen::Matrix3d H = pair_.input.camera2->CalibrationMatrix().inverse() *
                               *report.geometry.H * pair_.input.camera1->CalibrationMatrix();
-    if (!HasParallax(pair_, H, model->inliers, options_.min_log10_evidence)) return report;
+    const double noise_px = 0.5 * pair_.max_error_px;  // planes are not exact
+    if (!HasParallax(pair_, H, model->inliers, noise_px, options_.min_log10_evidence)) {
+      return report;
+    }
   }
   const bool is_ambiguous = report.geometry.config == TwoViewConfig::kMultiple;
   const auto num_inliers = static_cast<double>(model->inliers.size());

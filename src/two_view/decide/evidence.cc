@@ -50,11 +50,11 @@ double ChanceOfInlier(const PreparedPair& pair, const Eigen::Matrix3d& E, double
 }
 
 bool HasParallax(const PreparedPair& pair, const Eigen::Matrix3d& H,
-                 std::span<const int32_t> inliers, double min_log10_evidence) {
+                 std::span<const int32_t> inliers, double noise_px, double min_log10_evidence) {
   constexpr ModelKind kEpipole = {2, 1};
   MatchErrors errors;
   errors.SetHomography(pair.points, H);
-  const auto is_off = [&](float error) { return error > kOutside * pair.max_error_px; };
+  const auto is_off = [&](float error) { return error > 2.0 * kOutside * noise_px; };
   const auto num_off = std::ranges::count_if(errors.values(), is_off);
   const auto num_explained =
       std::ranges::count_if(inliers, [&](int32_t i) { return is_off(errors[i]); });

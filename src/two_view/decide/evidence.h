@@ -34,10 +34,10 @@ double Log10NumFalseAlarms(const PreparedPair& pair, const Eigen::Matrix3d& E,
 // points are spread; smoothed by the band's share of the image area.
 double ChanceOfInlier(const PreparedPair& pair, const Eigen::Matrix3d& E, double max_error_px);
 
-// Whether, of the matches that are off the homography H of rays (a plane's, or a rotation), the
-// inliers of a model with an epipole are more than chance gives.
+// Whether, of the matches that are off the homography H of rays (a plane's, or a rotation) by more
+// than noise (NoiseScalePx), the inliers of a model with an epipole are more than chance gives.
 bool HasParallax(const PreparedPair& pair, const Eigen::Matrix3d& H,
-                 std::span<const int32_t> inliers, double min_log10_evidence);
+                 std::span<const int32_t> inliers, double noise_px, double min_log10_evidence);
 
 // The number of matches (indices into pair.points) that differ in position, by cells of a few
 // thresholds in both images; of many matches, some hundreds are looked at.

@@ -44,7 +44,8 @@ class PairFinisher {
     if (report->status != PairStatus::kVerified) return;
     report->may_have_wrong_focal = MayHaveWrongFocal(support);
 
-    const SpecialPair special = ClassifyPair(pair_, support.inliers, options_);
+    const double noise_px = NoiseScalePx(pair_, support.errors.values(), kSigmaOfMedian);
+    const SpecialPair special = ClassifyPair(pair_, support.inliers, noise_px, options_);
     TwoViewConfig config = special.config;
     if (config == TwoViewConfig::kWatermark) {
       report->geometry.config = config;
@@ -53,7 +54,7 @@ class PairFinisher {
     }
     // Most of it far away, what is near tells the translation.
     if (config == TwoViewConfig::kPanoramic &&
-        HasParallax(pair_, special.H, support.inliers, options_.min_log10_evidence)) {
+        HasParallax(pair_, special.H, support.inliers, noise_px, options_.min_log10_evidence)) {
       config = TwoViewConfig::kCalibrated;
     }
     if (config == TwoViewConfig::kPlanar) {
@@ -126,7 +127,7 @@ class PairFinisher {
   Support SupportOfRotation(const Eigen::Quaterniond& rotation) const {
     Support support;
     support.errors.SetHomography(pair_.points, rotation.toRotationMatrix());
-    const double max_error_px = std::sqrt(2.0) * pair_.max_error_px;  // of two coordinates
+    const double max_error_px = MaxTransferErrorPx(0.5 * pair_.max_error_px);
     support.inliers = support.errors.Below(max_error_px);
     support.score = Msac(support, max_error_px);
     return support;

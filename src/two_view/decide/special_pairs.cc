@@ -4,28 +4,33 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "cairn/math/so3.h"
 #include "robust/match_errors.h"
+#include "two_view/search/guided_support.h"
 #include "two_view/search/plane_search.h"
 
 namespace cairn::internal {
 namespace {
 
-// The rotation that aligns the rays of corresponding points in least squares, first over all, then
-// over those that agree; `errors` are those at the result.
-Eigen::Matrix3d FitRotation(const PointPairs& points, double max_error_px, MatchErrors* errors) {
+// The rotation that aligns the rays of corresponding points in least squares: first of all of them,
+// then of those that agree, ever more closely, to at most max_error_px; `errors` are those at the
+// result.
+Eigen::Matrix3d FitRotation(const PointPairs& points, double threshold_px, double max_error_px,
+                            MatchErrors* errors) {
   Eigen::Matrix3d R = Eigen::Matrix3d::Identity();
-  for (int round = 0; round < 3; ++round) {
+  for (const double reach_px : {std::numeric_limits<double>::infinity(), kReach * threshold_px,
+                                kOutside * max_error_px, max_error_px}) {
+    errors->SetHomography(points, R);
     Eigen::Matrix3d M = Eigen::Matrix3d::Zero();
     for (int i = 0; i < points.size(); ++i) {
-      // The reach shrinks: rays that disagree by far, then by the threshold, are left out.
-      if (round > 0 && !((*errors)[i] < max_error_px * (round == 1 ? kOutside : 1.0))) continue;
+      if (!((*errors)[i] < reach_px)) continue;
       M += points.Ray2(i).normalized() * points.Ray1(i).normalized().transpose();
     }
     R = NearestRotation(M);
-    errors->SetHomography(points, R);
   }
+  errors->SetHomography(points, R);
   return R;
 }
 
@@ -88,7 +93,7 @@ std::optional<Eigen::Vector2d> OverlayShift(const PairInput& input,
 }
 
 SpecialPair ClassifyPair(const PreparedPair& pair, std::span<const int32_t> inliers,
-                         const TwoViewOptions& options) {
+                         double noise_px, const TwoViewOptions& options) {
   SpecialPair special;
   if (options.detect_watermark && IsWatermark(pair, inliers, options.min_special_share)) {
     special.config = TwoViewConfig::kWatermark;
@@ -102,12 +107,11 @@ SpecialPair ClassifyPair(const PreparedPair& pair, std::span<const int32_t> inli
   const double needed = options.min_special_share * n;
   PointPairs points;
   points.SetSubset(pair.points, some.data(), n);
-  // Two-dimensional errors: the same noise per coordinate gives sqrt(2) times the error.
-  const double max_error_px = std::sqrt(2.0) * pair.max_error_px;
+  const double max_rotation_px = MaxTransferErrorPx(noise_px);
 
   MatchErrors errors;
-  const Eigen::Matrix3d R = FitRotation(points, max_error_px, &errors);
-  if (errors.CountBelow(max_error_px) >= needed) {
+  const Eigen::Matrix3d R = FitRotation(points, pair.max_error_px, max_rotation_px, &errors);
+  if (errors.CountBelow(max_rotation_px) >= needed) {
     special.config = TwoViewConfig::kPanoramic;
     special.H = R;
     return special;
@@ -117,10 +121,12 @@ SpecialPair ClassifyPair(const PreparedPair& pair, std::span<const int32_t> inli
     special.config = TwoViewConfig::kWatermark;
     return special;
   }
+  // Unlike rotations, planes of a scene are not exact, however little noise there is.
+  const double max_plane_px = std::max(std::sqrt(2.0) * pair.max_error_px, max_rotation_px);
   Rng rng(pair.input.seed, "plane", pair.input.pair_id);
-  const std::optional<Eigen::Matrix3d> H = FindPlane(pair, some, max_error_px, &rng);
+  const std::optional<Eigen::Matrix3d> H = FindPlane(pair, some, max_plane_px, &rng);
   if (H) errors.SetHomography(points, *H);
-  if (H && errors.CountBelow(max_error_px) >= needed) {
+  if (H && errors.CountBelow(max_plane_px) >= needed) {
     special.config = TwoViewConfig::kPlanar;
     special.H = *H;
   }

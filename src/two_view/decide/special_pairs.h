@@ -17,10 +17,10 @@ struct SpecialPair {
 };
 
 // Looks at the inliers of a pose, given as indices into pair.points: do they follow a rotation
-// alone (panoramic), one homography (planar), one shift within the frame of the images, or are they
-// an overlay (watermark)?
+// alone (panoramic), to within the pair's noise (NoiseScalePx), one homography (planar), one shift
+// within the frame of the images, or are they an overlay (watermark)?
 SpecialPair ClassifyPair(const PreparedPair& pair, std::span<const int32_t> inliers,
-                         const TwoViewOptions& options);
+                         double noise_px, const TwoViewOptions& options);
 
 // How far a match moves in the picture, pixels.
 Eigen::Vector2d ShiftOf(const PairInput& input, const FeatureMatch& match);

@@ -19,6 +19,11 @@ double NoiseScalePx(const PreparedPair& pair, std::span<const float> errors_px, 
 // Of normal errors; and the scale of the smooth loss that fits a pair's noise, in sigmas.
 inline constexpr double kSigmaOfMedian = 1.4826, kLossSigmas = 1.25;
 
+// The error of a homography (HomographyErrors) that this noise of a coordinate stays below with
+// 98 %: its square has the noise of both images in two coordinates, 4 noise_px^2 on average, and is
+// nearly exponential.
+inline double MaxTransferErrorPx(double noise_px) { return 4.0 * noise_px; }
+
 // How well poses near a roughly right one explain the matches of a pair. Matches come in classes,
 // by the votes of their neighbours; which share of a class is right is learned from the errors at
 // the rough pose, and a match counts by the logarithm of its odds to be right, given that it fits:

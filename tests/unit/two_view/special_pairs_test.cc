@@ -71,16 +71,31 @@ TEST(SpecialPairs, PureRotationHasNoTranslation) {
   EXPECT_EQ(report.triangulation_angle_deg, 0.0);
 }
 
+// What a plane or a rotation leaves is noise, whatever the threshold: here 0.6 of it.
+TEST(SpecialPairs, NoisyPlanesAndRotationsAreKnown) {
+  int num_planar = 0, num_panoramic = 0;
+  for (uint64_t seed = 1; seed <= 10; ++seed) {
+    const auto config_of = [&](bool rotation_only) {
+      const Pair pair = MakePlanarPair(SomeMotion(), rotation_only, 60, 1.36, seed);
+      return VerifyFivePoint(pair).geometry.config;
+    };
+    num_planar += config_of(false) == TwoViewConfig::kPlanar;
+    num_panoramic += config_of(true) == TwoViewConfig::kPanoramic;
+  }
+  EXPECT_GE(num_planar, 9);
+  EXPECT_GE(num_panoramic, 9);
+}
+
 // A scene whose points are mostly too far away to show a translation; without a rotation they do
 // not move at all, as marks do.
-Pair MakeFarPair(double far_share, bool is_turned, uint64_t seed) {
+Pair MakeFarPair(double far_share, bool is_turned, uint64_t seed, double near_depth = 10.0) {
   Pair pair = MakePlanarPair(SomeMotion(), true, 0, 0, seed);
   if (!is_turned) pair.cam2_from_cam1.rotation.setIdentity();
   pair.cam2_from_cam1.translation = Eigen::Vector3d(0.98, 0.1, 0.17).normalized();
   Rng rng(seed, "far");
   while (pair.matches.size() < 600) {
     const Eigen::Vector3d ray = UniformVector({{-0.6, 0.6}, {-0.6, 0.6}}, rng).homogeneous();
-    const double depth = rng.Uniform(0, 1) < far_share ? 1e5 : rng.Uniform(10, 60);
+    const double depth = rng.Uniform(0, 1) < far_share ? 1e5 : near_depth * rng.Uniform(1, 6);
     const Eigen::Vector3d X2 = pair.cam2_from_cam1 * Eigen::Vector3d(depth * ray);
     if ((X2.head<2>() / X2.z()).cwiseAbs().maxCoeff() > 0.75) continue;
     const auto k = static_cast<point2D_t>(pair.matches.size());
@@ -104,6 +119,19 @@ TEST(SpecialPairs, WhatIsNearTellsTheTranslation) {
     EXPECT_GE(num_right, is_turned ? 9 : 7) << is_turned;
     EXPECT_EQ(VerifyFivePoint(MakeFarPair(1, is_turned, 1)).geometry.config,
               TwoViewConfig::kPanoramic);
+  }
+}
+
+// Most points are within two thresholds of a rotation, but not within their noise of it; or those
+// that are off it are within four.
+TEST(SpecialPairs, LittleParallaxTellsTheTranslationWhereThereIsLittleNoise) {
+  for (const double far_share : {0.0, 0.85}) {
+    int num_right = 0;
+    for (uint64_t seed = 0; seed < 10; ++seed) {
+      const Pair pair = MakeFarPair(far_share, true, seed, 120);
+      num_right += PoseErrorDeg(VerifyFivePoint(pair), pair) < 5;
+    }
+    EXPECT_GE(num_right, 9) << far_share;
   }
 }
 
