@@ -39,19 +39,20 @@ inline std::set<std::vector<double>> IntrinsicsOf(const Reconstruction& model) {
   return intrinsics;
 }
 
-// Moves the keypoints as if every image were zoomed by some percent of its own. Factors.
+// Moves an image's keypoints as if it were zoomed.
+inline void Zoom(const SyntheticScene& scene, image_t id, double factor, Database& database) {
+  const Eigen::Vector2d center = scene.cameras.at(1).PrincipalPoint();
+  MoveKeypoints(scene, id, database, [&](const Eigen::Vector2d& pixel) {
+    return (center + factor * (pixel - center)).eval();
+  });
+}
+
+// Every image by some percent of its own. Factors.
 inline std::map<image_t, double> ZoomEach(const SyntheticScene& scene, Database& database) {
   std::map<image_t, double> zoom;
-  const Eigen::Vector2d center = scene.cameras.at(1).PrincipalPoint();
   for (const Image& image : scene.images) {
     zoom[image.image_id] = 1 + 0.08 * std::sin(5.0 * image.image_id);
-    std::vector<Keypoint> keypoints = scene.keypoints.at(image.image_id);
-    for (Keypoint& keypoint : keypoints) {
-      const Eigen::Vector2d moved = center + zoom[image.image_id] * (keypoint.Position() - center);
-      keypoint.x = static_cast<float>(moved.x());
-      keypoint.y = static_cast<float>(moved.y());
-    }
-    database.WriteKeypoints(image.image_id, keypoints);
+    Zoom(scene, image.image_id, zoom[image.image_id], database);
   }
   return zoom;
 }

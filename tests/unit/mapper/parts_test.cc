@@ -144,14 +144,7 @@ TEST(Parts, InputModelsKeepNoIntrinsicsOfOthers) {
 TEST(Parts, OneThatFailsIsAWarning) {
   const Database first = Place(8, 6);
   Database second = Place(6, 5);
-  for (const image_pair_t pair_id : second.ReadTwoViewGeometryPairIds()) {
-    TwoViewGeometry geometry = *second.ReadTwoViewGeometry(pair_id);
-    geometry.config = TwoViewConfig::kPanoramic;
-    geometry.cam2_from_cam1.reset();
-    geometry.E.reset();
-    geometry.F.reset();
-    second.WriteTwoViewGeometry(pair_id, geometry);
-  }
+  ChangeGeometries(second, [](image_t, image_t, TwoViewGeometry& g) { MakePanoramic(g); });
   const ReconstructResult result = Reconstruct(Together({&second, &first}));
   EXPECT_EQ(result.report.failure, "");
   ASSERT_EQ(result.models.size(), 1u);

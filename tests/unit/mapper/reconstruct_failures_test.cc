@@ -118,16 +118,10 @@ TEST(Reconstruct, SaysWhichStageFailedAndWhatToTry) {
     // Every pair turned at random: the loops leave a tree, and that no positions.
     Database database = MakeDatabase(scene);
     Rng rng(1);
-    for (const image_pair_t pair_id : database.ReadTwoViewGeometryPairIds()) {
-      TwoViewGeometry geometry = database.ReadTwoViewGeometry(pair_id).value();
+    ChangeGeometries(database, [&](image_t id1, image_t id2, TwoViewGeometry& geometry) {
       geometry.cam2_from_cam1->rotation = RandomRotation(rng);
-      database.WriteTwoViewGeometry(pair_id, geometry);
-      PairMetrics metrics;  // so that it is not improved
-      metrics.pair_id = pair_id;
-      metrics.verifier = metrics.step = "test";
-      metrics.is_winner = true;
-      database.WritePairMetrics(metrics);
-    }
+      WriteWinner(ImagePairToPairId(id1, id2), "test", database);
+    });
     EXPECT_THAT(
         failure_of(database, {}),
         AllOf(HasSubstr("translation_averaging: inconsistent: "), HasSubstr(" directions, "),
@@ -136,25 +130,16 @@ TEST(Reconstruct, SaysWhichStageFailedAndWhatToTry) {
   {
     // All pairs are pure rotations.
     Database database = MakeDatabase(scene);
-    for (const image_pair_t pair_id : database.ReadTwoViewGeometryPairIds()) {
-      TwoViewGeometry geometry = database.ReadTwoViewGeometry(pair_id).value();
-      geometry.config = TwoViewConfig::kPanoramic;
-      geometry.cam2_from_cam1.reset();
-      geometry.E.reset();
-      geometry.F.reset();
-      database.WriteTwoViewGeometry(pair_id, geometry);
-    }
+    ChangeGeometries(database, [](image_t, image_t, TwoViewGeometry& g) { MakePanoramic(g); });
     EXPECT_THAT(failure_of(database, {}),
                 AllOf(HasSubstr(" no_pose"), HasSubstr("turned without moving")));
   }
   {
     // COLMAP of 2017 stored matches alone.
     Database database = MakeDatabase(scene);
-    for (const image_pair_t pair_id : database.ReadTwoViewGeometryPairIds()) {
-      const FeatureMatches matches = database.ReadTwoViewGeometry(pair_id)->inlier_matches;
-      database.WriteTwoViewGeometry(pair_id, {TwoViewConfig::kCalibrated, std::nullopt,
-                                              std::nullopt, std::nullopt, std::nullopt, matches});
-    }
+    ChangeGeometries(database, [](image_t, image_t, TwoViewGeometry& geometry) {
+      geometry = {TwoViewConfig::kCalibrated, {}, {}, {}, {}, geometry.inlier_matches};
+    });
     EXPECT_THAT(failure_of(database, {}),
                 AllOf(HasSubstr(" no_pose"), HasSubstr("--recompute verification")));
   }

@@ -26,6 +26,44 @@ inline Database MakeDatabase(const SyntheticScene& scene) {
   return database;
 }
 
+// What change(image_id1, image_id2, geometry) makes of each verified pair.
+template <class Change>
+void ChangeGeometries(Database& database, const Change& change) {
+  for (const image_pair_t pair_id : database.ReadTwoViewGeometryPairIds()) {
+    const auto [id1, id2] = PairIdToImagePair(pair_id);
+    TwoViewGeometry geometry = database.ReadTwoViewGeometry(pair_id).value();
+    change(id1, id2, geometry);
+    database.WriteTwoViewGeometry(pair_id, geometry);
+  }
+}
+
+inline void MakePanoramic(TwoViewGeometry& geometry) {
+  geometry.config = TwoViewConfig::kPanoramic;
+  geometry.cam2_from_cam1.reset();
+  geometry.E = geometry.F = std::nullopt;
+}
+
+// As of our own verification: it is not improved.
+inline void WriteWinner(image_pair_t pair_id, const std::string& verifier, Database& database) {
+  PairMetrics metrics;
+  metrics.pair_id = pair_id;
+  metrics.verifier = metrics.step = verifier;
+  metrics.is_winner = true;
+  database.WritePairMetrics(metrics);
+}
+
+// Image `id` with its keypoints where move(position) puts them.
+template <class Move>
+void MoveKeypoints(const SyntheticScene& scene, image_t id, Database& database, const Move& move) {
+  std::vector<Keypoint> keypoints = scene.keypoints.at(id);
+  for (Keypoint& keypoint : keypoints) {
+    const Eigen::Vector2f moved = move(keypoint.Position()).template cast<float>();
+    keypoint.x = moved.x();
+    keypoint.y = moved.y();
+  }
+  database.WriteKeypoints(id, keypoints);
+}
+
 inline ReconstructResult Reconstruct(const Database& database,
                                      const ReconstructSettings& settings = {}) {
   return Reconstruct(database, "", settings, kOneThread);

@@ -309,12 +309,10 @@ TEST(Reconstruct, PosesOfUncalibratedPairsDoNotSpeakForTheGuess) {
   options.pair_metrics = true;  // verified by us, so that the stored poses count
   const SyntheticScene scene = MakeScene(options, 3);
   Database database = MakeDatabaseWithGuesses(scene, 2.0);
-  for (const image_pair_t pair : database.ReadTwoViewGeometryPairIds()) {
-    TwoViewGeometry geometry = database.ReadTwoViewGeometry(pair).value();
+  ChangeGeometries(database, [](image_t, image_t, TwoViewGeometry& geometry) {
     geometry.config = TwoViewConfig::kUncalibrated;
     geometry.E.reset();
-    database.WriteTwoViewGeometry(pair, geometry);
-  }
+  });
   ReconstructSettings settings;
   settings.focal_calibration.max_sigma = 0.3;
   const RunReport report = Reconstruct(database, settings).report;

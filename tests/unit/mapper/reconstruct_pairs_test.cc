@@ -14,25 +14,13 @@
 namespace cairn {
 namespace {
 
-// Calls the pairs of the last image panoramic, and changes their pose.
-template <class Change>
-void MakePanoramic(image_t last, Database& database, const Change& change_pose) {
-  for (const image_pair_t pair_id : database.ReadTwoViewGeometryPairIds()) {
-    if (PairIdToImagePair(pair_id).second != last) continue;
-    TwoViewGeometry geometry = database.ReadTwoViewGeometry(pair_id).value();
-    change_pose(geometry);
-    geometry.E.reset();
-    geometry.F.reset();
-    geometry.config = TwoViewConfig::kPanoramic;
-    database.WriteTwoViewGeometry(pair_id, geometry);
-  }
-}
-
 // Image 10 keeps its matches but the poses of its pairs are lost.
 TEST(Reconstruct, ImagesWithoutRelativePoseAreRegisteredByResection) {
   const SyntheticScene scene = MakeScene(SmallScene(), 7);
   Database database = MakeDatabase(scene);
-  MakePanoramic(10, database, [](TwoViewGeometry& geometry) { geometry.cam2_from_cam1.reset(); });
+  ChangeGeometries(database, [](image_t, image_t id2, TwoViewGeometry& geometry) {
+    if (id2 == 10) MakePanoramic(geometry);
+  });
   ReconstructSettings settings;
   settings.reconstruct.register_left_out = false;
   EXPECT_EQ(Reconstruct(database, settings).models.at(0).images.size(), 9u);
@@ -45,15 +33,9 @@ TEST(Reconstruct, ImagesWithoutRelativePoseAreRegisteredByResection) {
 TEST(Reconstruct, AnImageIsInOneModel) {
   const SyntheticScene scene = MakeScene(SmallScene(), 7);
   Database database = MakeDatabase(scene);
-  for (const image_pair_t pair_id : database.ReadTwoViewGeometryPairIds()) {
-    const auto [id1, id2] = PairIdToImagePair(pair_id);
-    if ((id1 < 8) == (id2 < 8)) continue;
-    TwoViewGeometry geometry = database.ReadTwoViewGeometry(pair_id).value();
-    geometry.cam2_from_cam1.reset();
-    geometry.E = geometry.F = std::nullopt;
-    geometry.config = TwoViewConfig::kPanoramic;
-    database.WriteTwoViewGeometry(pair_id, geometry);
-  }
+  ChangeGeometries(database, [](image_t id1, image_t id2, TwoViewGeometry& geometry) {
+    if ((id1 < 8) != (id2 < 8)) MakePanoramic(geometry);
+  });
   ReconstructSettings settings;
   settings.reconstruct.register_left_out = false;
   EXPECT_EQ(Reconstruct(database, settings).models.size(), 2u);
@@ -111,8 +93,12 @@ TEST(Reconstruct, HugeFramesHaveNoWeight) {
 TEST(Reconstruct, PairsWithARotationAloneTakePart) {
   const SyntheticScene scene = MakeScene(SmallScene(), 7);
   Database database = MakeDatabase(scene);
-  MakePanoramic(10, database,
-                [](TwoViewGeometry& geometry) { geometry.cam2_from_cam1->translation.setZero(); });
+  ChangeGeometries(database, [](image_t, image_t id2, TwoViewGeometry& geometry) {
+    if (id2 != 10) return;
+    const Eigen::Quaterniond rotation = geometry.cam2_from_cam1->rotation;
+    MakePanoramic(geometry);
+    geometry.cam2_from_cam1 = Rigid3d(rotation, Eigen::Vector3d::Zero());
+  });
   ReconstructSettings settings;
   settings.reconstruct.register_left_out = false;
   const ReconstructResult result = Reconstruct(database, settings);
@@ -132,14 +118,11 @@ TEST(Reconstruct, MisplacedImagesAreRegisteredAnew) {
     const Rigid3d& right = scene.truth.images.at(id).cam_from_world;
     return id < 9 ? right : right * turn;
   };
-  for (const image_pair_t pair_id : database.ReadTwoViewGeometryPairIds()) {
-    const auto [id1, id2] = PairIdToImagePair(pair_id);
-    TwoViewGeometry geometry = database.ReadTwoViewGeometry(pair_id).value();
-    if (!geometry.cam2_from_cam1) continue;
+  ChangeGeometries(database, [&](image_t id1, image_t id2, TwoViewGeometry& geometry) {
+    if (!geometry.cam2_from_cam1) return;
     geometry.cam2_from_cam1 = wrong_pose(id2) * Inverse(wrong_pose(id1));
     geometry.E.reset();
-    database.WriteTwoViewGeometry(pair_id, geometry);
-  }
+  });
   const ReconstructResult result = Reconstruct(database);
   ASSERT_EQ(result.models.size(), 1u) << ToJson(result.report);
   ASSERT_EQ(result.models[0].images.size(), 10u);
@@ -166,14 +149,11 @@ TEST(Reconstruct, PairsAreVerifiedAgainWhereIntrinsicsMoved) {
           scene.keypoints.at(id)[point].Position() - camera.PrincipalPoint();
       return offset.norm() < 0.25 * camera.DiagonalPx();
     };
-    for (const image_pair_t pair_id : database.ReadTwoViewGeometryPairIds()) {
-      const auto [id1, id2] = PairIdToImagePair(pair_id);
-      TwoViewGeometry geometry = database.ReadTwoViewGeometry(pair_id).value();
-      std::erase_if(geometry.inlier_matches, [&, id1 = id1, id2 = id2](const FeatureMatch& match) {
+    ChangeGeometries(database, [&](image_t id1, image_t id2, TwoViewGeometry& geometry) {
+      std::erase_if(geometry.inlier_matches, [&](const FeatureMatch& match) {
         return !is_central(id1, match.point1) || !is_central(id2, match.point2);
       });
-      database.WriteTwoViewGeometry(pair_id, geometry);
-    }
+    });
     const ReconstructResult result = Reconstruct(database);
     ASSERT_EQ(result.models.size(), 1u) << ToJson(result.report);
     const StageReport* stage = FindStage(result.report, "verification");
@@ -254,15 +234,12 @@ TEST(Reconstruct, NamesImagesThatASmallPartHolds) {
     return std::max(std::abs(keypoint.x / camera.width - 0.5),
                     std::abs(keypoint.y / camera.height - 0.5)) > 0.1;
   };
-  for (const image_pair_t pair_id : database.ReadTwoViewGeometryPairIds()) {
-    const auto [id1, id2] = PairIdToImagePair(pair_id);
-    if (id1 != held && id2 != held) continue;
-    TwoViewGeometry geometry = database.ReadTwoViewGeometry(pair_id).value();
+  ChangeGeometries(database, [&](image_t id1, image_t id2, TwoViewGeometry& geometry) {
+    if (id1 != held && id2 != held) return;
     std::erase_if(geometry.inlier_matches, [&](const FeatureMatch& match) {
       return is_outside(id1 == held ? match.point1 : match.point2);
     });
-    database.WriteTwoViewGeometry(pair_id, geometry);
-  }
+  });
   EXPECT_TRUE(has_warning());
 }
 

@@ -219,11 +219,7 @@ TEST(Reconstruct, PosesWithoutMatchesGiveCamerasAlone) {
       geometry.cam2_from_cam1->rotation = Eigen::AngleAxisd(1.0, Eigen::Vector3d::UnitX());
     }
     database.WriteTwoViewGeometry(pair_id, geometry);
-    PairMetrics metrics;
-    metrics.pair_id = pair_id;
-    metrics.verifier = metrics.step = kImportedVerifier;
-    metrics.is_winner = true;
-    database.WritePairMetrics(metrics);
+    WriteWinner(pair_id, kImportedVerifier, database);
   }
   ReconstructSettings settings;
   const ReconstructResult result = Reconstruct(database, "", settings, kOneThread);

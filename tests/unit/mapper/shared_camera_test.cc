@@ -135,13 +135,9 @@ TEST(SharedCamera, StaysWhereFocalLengthsAbsorbOtherErrors) {
   const double focal = scene.cameras.at(1).MeanFocal();
   for (const Image& image : scene.images) {
     const double x = 0.06 * focal * std::sin(5.0 * image.image_id);
-    const double y = -x * std::cos(7.0 * image.image_id);
-    std::vector<Keypoint> keypoints = scene.keypoints.at(image.image_id);
-    for (Keypoint& keypoint : keypoints) {
-      keypoint.x += static_cast<float>(x);
-      keypoint.y += static_cast<float>(y);
-    }
-    database.WriteKeypoints(image.image_id, keypoints);
+    const Eigen::Vector2d off(x, -x * std::cos(7.0 * image.image_id));
+    MoveKeypoints(scene, image.image_id, database,
+                  [&](const Eigen::Vector2d& pixel) { return pixel + off; });
   }
   const ReconstructResult result = Reconstruct(database);
   ASSERT_EQ(result.models.size(), 1u);
@@ -179,16 +175,7 @@ TEST(SharedCamera, IsLeftWherePairsConfirmTheFocalLengthsOfModels) {
 TEST(SharedCamera, IsDisputedByPairsOfTwoLenses) {
   const SyntheticScene scene = SceneOfOneCamera();
   Database database = WithACameraEach(scene, 1.2);
-  const Eigen::Vector2d center = scene.cameras.at(1).PrincipalPoint();
-  for (image_t id = 2; id <= 12; id += 2) {
-    std::vector<Keypoint> keypoints = scene.keypoints.at(id);
-    for (Keypoint& keypoint : keypoints) {
-      const Eigen::Vector2d moved = center + 0.6 * (keypoint.Position() - center);
-      keypoint.x = static_cast<float>(moved.x());
-      keypoint.y = static_cast<float>(moved.y());
-    }
-    database.WriteKeypoints(id, keypoints);
-  }
+  for (image_t id = 2; id <= 12; id += 2) Zoom(scene, id, 0.6, database);
   const ReconstructResult result = Reconstruct(database);
   EXPECT_EQ(Value(*FindStage(result.report, "focal_calibration"), "sharing_disputed"), 1);
   ASSERT_EQ(result.models.size(), 1u);

@@ -71,13 +71,10 @@ TEST(StillParts, OfFewPhotographsAreNot) {
 TEST(StillParts, OfTwoTurnsAreSeenWithinEach) {
   constexpr image_t kSecondTurn = 6;
   Database database = MakeMarkedDatabase(10, kNumMarks, kSecondTurn);
-  for (const image_pair_t pair_id : database.ReadTwoViewGeometryPairIds()) {
-    const auto [id1, id2] = PairIdToImagePair(pair_id);
-    if (id1 < kSecondTurn && id2 >= kSecondTurn) continue;
-    TwoViewGeometry geometry = database.ReadTwoViewGeometry(pair_id).value();
+  ChangeGeometries(database, [](image_t id1, image_t id2, TwoViewGeometry& geometry) {
+    if (id1 < kSecondTurn && id2 >= kSecondTurn) return;
     geometry.inlier_matches.resize(geometry.inlier_matches.size() / 3);
-    database.WriteTwoViewGeometry(pair_id, geometry);
-  }
+  });
   EXPECT_THAT(Warnings(Reconstruct(database)), HasSubstr("while others move, in 10 of 10 photos"));
 }
 
@@ -111,20 +108,15 @@ TEST(StillParts, PairsAloneAreNot) {
 // The background has more matches than the object: verification finds that nothing moves.
 TEST(StillParts, ThatOutweighTheObjectAreTheReasonForTheFailure) {
   Database database = MakeMarkedDatabase(10);
-  for (const image_pair_t pair_id : database.ReadTwoViewGeometryPairIds()) {
-    TwoViewGeometry geometry = database.ReadTwoViewGeometry(pair_id).value();
+  ChangeGeometries(database, [&](image_t id1, image_t id2, TwoViewGeometry& geometry) {
+    const image_pair_t pair_id = ImagePairToPairId(id1, id2);
     geometry.config = TwoViewConfig::kPanoramic;
     geometry.cam2_from_cam1 = Rigid3d();
     geometry.inlier_matches = database.ReadMatches(pair_id).value();
     geometry.inlier_matches.erase(geometry.inlier_matches.begin(),
                                   geometry.inlier_matches.end() - kNumMarks);  // the marks
-    database.WriteTwoViewGeometry(pair_id, geometry);
-    PairMetrics metrics;  // of our own verification
-    metrics.pair_id = pair_id;
-    metrics.verifier = metrics.step = "test";
-    metrics.is_winner = true;
-    database.WritePairMetrics(metrics);
-  }
+    WriteWinner(pair_id, "test", database);
+  });
   const ReconstructResult result = Reconstruct(database);
   EXPECT_TRUE(result.models.empty());
   EXPECT_THAT(result.report.failure, AllOf(HasSubstr("no_pose"), HasSubstr("--mask_path")));
