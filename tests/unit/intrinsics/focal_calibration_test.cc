@@ -198,11 +198,7 @@ ArcResult CalibrateArcs(double focal_px) {
           UniformVector({{-0.3, 0.3}, {-0.3, 0.3}, {-0.3, 0.3}}, rig.rng);
       const Eigen::Vector3d center(distance * std::sin(angle), 0.2 * distance,
                                    -distance * std::cos(angle));
-      Eigen::Matrix3d R;
-      R.row(2) = (target - center).normalized();
-      R.row(0) = Eigen::Vector3d::UnitY().cross(Eigen::Vector3d(R.row(2))).normalized();
-      R.row(1) = R.row(2).cross(R.row(0));
-      rig.poses[i] = Rigid3d(Eigen::Quaterniond(R), Eigen::Vector3d(-R * center));
+      rig.poses[i] = Facing(center, target);
     }
     const CalibratedFocal focal = Calibrate(rig.Guesses(1200), rig.AllPairs()).cameras.at(1);
     const double error = std::log(focal.focal_px / focal_px);

@@ -24,6 +24,17 @@ inline Camera GuessedCamera(camera_t id, double focal_px, bool has_exif = false)
   return camera;
 }
 
+// cam_from_world of a camera that looks at the target, then rolled.
+inline Rigid3d Facing(const Eigen::Vector3d& center, const Eigen::Vector3d& target,
+                      double roll = 0) {
+  Eigen::Matrix3d R;
+  R.row(2) = (target - center).normalized();
+  R.row(0) = Eigen::Vector3d::UnitY().cross(Eigen::Vector3d(R.row(2))).normalized();
+  R.row(1) = R.row(2).cross(R.row(0));
+  R = ExpSO3({0, 0, roll}).toRotationMatrix() * R;
+  return {Eigen::Quaterniond(R), Eigen::Vector3d(-R * center)};
+}
+
 // Images that look at a ball of points from a ring around it, near enough to fill three quarters of
 // the image whatever their focal length.
 struct Rig {
@@ -39,13 +50,7 @@ struct Rig {
       const Eigen::Vector3d target = UniformVector({{-0.5, 0.5}, {-0.5, 0.5}, {-0.5, 0.5}}, rng);
       const Eigen::Vector3d center(distance * std::sin(angle), rng.Uniform(-0.3, 0.3) * distance,
                                    -distance * std::cos(angle));
-      Eigen::Matrix3d R;
-      R.row(2) = (target - center).normalized();
-      R.row(0) = Eigen::Vector3d::UnitY().cross(Eigen::Vector3d(R.row(2))).normalized();
-      R.row(1) = R.row(2).cross(R.row(0));
-      const double roll = rng.Uniform(-0.2, 0.2);
-      R = ExpSO3({0, 0, roll}).toRotationMatrix() * R;
-      poses.emplace_back(Eigen::Quaterniond(R), Eigen::Vector3d(-R * center));
+      poses.push_back(Facing(center, target, rng.Uniform(-0.2, 0.2)));
     }
     for (int k = 0; k < 150; ++k) {
       Eigen::Vector3d x;

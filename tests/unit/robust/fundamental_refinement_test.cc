@@ -27,12 +27,6 @@ PointPairs MakePoints(const TwoViewScene& scene, double noise_px, int num_outlie
   return points;
 }
 
-// Of two matrices up to scale.
-double Distance(const Eigen::Matrix3d& a, const Eigen::Matrix3d& b) {
-  const Eigen::Matrix3d x = a.normalized(), y = b.normalized();
-  return std::min((x - y).norm(), (x + y).norm());
-}
-
 Eigen::Matrix3d Disturbed(const Eigen::Matrix3d& F, double by, Rng& rng) {
   Eigen::Matrix3d noise;
   for (int i = 0; i < 9; ++i) noise(i) = rng.Gaussian();
@@ -51,7 +45,7 @@ TEST(RefineFundamentalMatrix, RecoversTheTruthFromARoughStart) {
         RefineFundamentalMatrix(points, Disturbed(F, 0.05, rng),
                                 {.scale_px = 20.0, .max_iterations = 100})
             .F();
-    num_found += Distance(refined, F) < 1e-4;
+    num_found += HomogeneousError(refined, F) < 1e-4;
     EXPECT_LT(SingularValues(refined).s[2], 1e-12);
     EXPECT_NEAR(refined.norm(), 1.0, 1e-12);
   }
@@ -94,7 +88,7 @@ TEST(RefineFundamentalMatrix, SwappedImagesTransposeIt) {
   options.min_relative_gain = 1e-10;
   const auto there = RefineFundamentalMatrix(points, E, options);
   const auto back = RefineFundamentalMatrix(swapped, E.transpose(), options);
-  EXPECT_LT(Distance(there.F(), back.F().transpose()), 1e-5);
+  EXPECT_LT(HomogeneousError(there.F(), back.F().transpose()), 1e-5);
 }
 
 }  // namespace

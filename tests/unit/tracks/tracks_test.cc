@@ -77,24 +77,31 @@ std::set<Track> TracksByDefinition(std::vector<OwnedPair> pairs) {
   return tracks;
 }
 
-// More matches than are looked at in parallel at a time; a tenth of them wrong.
-TEST(BuildTracks, OfManyMatchesAreThoseOfOneAfterTheOther) {
-  constexpr int kNumImages = 40, kNumPoints = 1000;
-  Rng rng(5, "tracks");
+// All pairs of images have random matches, as many as num_matches() gives; a share of them is
+// wrong.
+template <class NumMatches>
+std::vector<OwnedPair> RandomPairs(image_t num_images, uint32_t num_points, double wrong_share,
+                                   Rng& rng, const NumMatches& num_matches) {
   std::vector<OwnedPair> pairs;
-  for (image_t a = 1; a <= kNumImages; ++a) {
-    for (image_t b = a + 1; b <= kNumImages; ++b) {
+  for (image_t a = 1; a <= num_images; ++a) {
+    for (image_t b = a + 1; b <= num_images; ++b) {
       OwnedPair pair{a, b, {}};
-      const uint64_t num = 200 + rng.UniformInt(400);
-      for (uint64_t k = 0; k < num; ++k) {
-        const auto point = static_cast<point2D_t>(rng.UniformInt(kNumPoints));
-        const bool is_wrong = rng.Uniform() < 0.1;
-        pair.matches.push_back(
-            {point, is_wrong ? static_cast<point2D_t>(rng.UniformInt(kNumPoints)) : point});
+      for (uint32_t k = num_matches(); k > 0; --k) {
+        const point2D_t point = rng.UniformInt(num_points);
+        const bool is_wrong = rng.Uniform() < wrong_share;
+        pair.matches.push_back({point, is_wrong ? rng.UniformInt(num_points) : point});
       }
       pairs.push_back(std::move(pair));
     }
   }
+  return pairs;
+}
+
+// More matches than are looked at in parallel at a time; a tenth of them wrong.
+TEST(BuildTracks, OfManyMatchesAreThoseOfOneAfterTheOther) {
+  Rng rng(5, "tracks");
+  const std::vector<OwnedPair> pairs =
+      RandomPairs(40, 1000, 0.1, rng, [&] { return 200 + rng.UniformInt(400); });
   std::vector<PairMatches> views;
   for (const OwnedPair& pair : pairs) {
     views.push_back({pair.image_id1, pair.image_id2, pair.matches});
@@ -110,23 +117,12 @@ TEST(BuildTracks, OfManyMatchesAreThoseOfOneAfterTheOther) {
   EXPECT_EQ(by_one.num_conflicting, report.num_conflicting);
 }
 
-// A hundred photographs of one thing; a tenth of the matches are wrong.
+// Many photographs of one thing; a hundredth of the matches is wrong.
 TEST(BuildTracks, ThatAreLongAreThoseOfOneMatchAfterTheOther) {
-  constexpr int kNumImages = 150, kNumPoints = 40;
+  constexpr image_t kNumImages = 150;
   Rng rng(5, "long tracks");
-  std::vector<OwnedPair> pairs;
-  for (image_t a = 1; a <= kNumImages; ++a) {
-    for (image_t b = a + 1; b <= kNumImages; ++b) {
-      OwnedPair pair{a, b, {}};
-      for (uint64_t k = rng.UniformInt(4); k > 0; --k) {
-        const auto point = static_cast<point2D_t>(rng.UniformInt(kNumPoints));
-        const bool is_wrong = rng.Uniform() < 0.01;
-        pair.matches.push_back(
-            {point, is_wrong ? static_cast<point2D_t>(rng.UniformInt(kNumPoints)) : point});
-      }
-      pairs.push_back(std::move(pair));
-    }
-  }
+  const std::vector<OwnedPair> pairs =
+      RandomPairs(kNumImages, 40, 0.01, rng, [&] { return rng.UniformInt(4); });
   const TrackReport report = Build(pairs, {});
   EXPECT_GT(report.num_conflicting, 1000);
   const std::set<Track> expected = TracksByDefinition(pairs);

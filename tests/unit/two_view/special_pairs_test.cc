@@ -304,6 +304,17 @@ TEST(SpecialPairs, SmallPatchesWithReliefAreNeverVerifiedByFewMatches) {
   EXPECT_GT(num_degenerate, 0);
 }
 
+// Without depth.
+PairReport VerifyByFrames(const TwoViewProblem& problem, const TwoViewOptions& options) {
+  PairInput input;
+  input.camera1 = &problem.camera1;
+  input.camera2 = &problem.camera2;
+  input.keypoints1 = problem.keypoints1;
+  input.keypoints2 = problem.keypoints2;
+  input.matches = problem.matches;
+  return MakePairVerifier(VerifierKind::kCascade, options)->Verify(input);
+}
+
 // A wall seen twice in one pair, as two identical facades are: `num_second` matches tell of another
 // motion than the first 200.
 PairReport VerifyTwoWalls(int num_second, const TwoViewOptions& options = {}) {
@@ -321,13 +332,7 @@ PairReport VerifyTwoWalls(int num_second, const TwoViewOptions& options = {}) {
   for (const FeatureMatch& match : second.matches) {
     first.matches.push_back({match.point1 + offset, match.point2 + offset});
   }
-  PairInput input;
-  input.camera1 = &first.camera1;
-  input.camera2 = &first.camera2;
-  input.keypoints1 = first.keypoints1;
-  input.keypoints2 = first.keypoints2;
-  input.matches = first.matches;
-  return MakePairVerifier(VerifierKind::kCascade, options)->Verify(input);
+  return VerifyByFrames(first, options);
 }
 
 TEST(SpecialPairs, TwoModelsOfRepeatedStructureGiveNoPose) {
@@ -367,13 +372,7 @@ PairReport VerifyPieces(int num_pieces, const TwoViewOptions& options = {}) {
     keypoint2.x += static_cast<float>(shifts[row * num_pieces + column].x());
     keypoint2.y += static_cast<float>(shifts[row * num_pieces + column].y());
   }
-  PairInput input;
-  input.camera1 = &problem.camera1;
-  input.camera2 = &problem.camera2;
-  input.keypoints1 = problem.keypoints1;
-  input.keypoints2 = problem.keypoints2;
-  input.matches = problem.matches;
-  return MakePairVerifier(VerifierKind::kCascade, options)->Verify(input);
+  return VerifyByFrames(problem, options);
 }
 
 TEST(SpecialPairs, OneOfManyPiecesGivesNoPose) {
