@@ -72,35 +72,56 @@ class WideFocalFinder {
     return texts;
   }
 
+  bool HasMoreSupport(const std::map<camera_t, Camera>& others) {
+    const camera_t lens = others.begin()->first;
+    for (const auto& [id, known] : ReadKnownIntrinsics(database_)) {
+      cameras_[id] = known.camera;
+      lens_of_[id] = others.contains(id) ? lens : id;
+    }
+    camera_of_ = CamerasOfImages(database_);
+    const std::vector<WidePair> pairs = ReadPairs(FindPairs()[lens]);
+    const double before = Supports(lens, pairs, {kAsItIs}).front();
+    for (const auto& [id, other] : others) cameras_.at(id) = other;
+    return FindBest(lens, pairs, others.at(lens).MeanFocal()).support > before;
+  }
+
  private:
+  static constexpr double kAsItIs = 0;  // in place of a focal length
+  struct Found {
+    double focal_px = 0;
+    double support = 0;
+  };
+
+  // The focal length of the lens near the guess by which the pairs have the most support.
+  Found FindBest(camera_t lens, const std::vector<WidePair>& pairs, double guess) const {
+    Found best{guess, 0};
+    const auto try_around = [&](double center, double reach, double step) {
+      std::vector<double> focals;
+      for (double power = -reach; power <= reach + 1e-9; power += step) {
+        focals.push_back(center * std::exp2(power));
+      }
+      const std::vector<double> supports = Supports(lens, pairs, focals);
+      for (size_t k = 0; k < focals.size(); ++k) {
+        if (supports[k] > best.support) best = {focals[k], supports[k]};
+      }
+    };
+    try_around(guess, kReach, kCoarseStep);
+    if (best.support > 0) try_around(best.focal_px, kCoarseStep - kFineStep, kFineStep);
+    return best;
+  }
+
   // Of the cameras of one lens, by these pairs, those with the most matches first.
   std::string Find(camera_t lens, const std::vector<camera_t>& cameras,
                    const std::vector<image_pair_t>& usable) {
     const double guess = cameras_.at(cameras.front()).MeanFocal();
     const std::vector<WidePair> pairs = ReadPairs(usable);
-    double best = 0.0, best_support = 0.0;
-    const auto try_around = [&](double center, double reach, double step) {
-      std::vector<double> powers;
-      for (double power = center - reach; power <= center + reach + 1e-9; power += step) {
-        powers.push_back(power);
-      }
-      const std::vector<double> supports = Supports(lens, pairs, guess, powers);
-      for (size_t k = 0; k < powers.size(); ++k) {
-        if (!(supports[k] > best_support)) continue;
-        best_support = supports[k];
-        best = powers[k];
-      }
-    };
-    if (!pairs.empty()) {
-      try_around(0.0, kReach, kCoarseStep);
-      if (best_support > 0.0) try_around(best, kCoarseStep - kFineStep, kFineStep);
-    }
+    const Found best = FindBest(lens, pairs, guess);
     CameraLens found{.num_pairs = static_cast<int>(usable.size())};
-    if (best_support > 0.0) found.focal_px = guess * std::exp2(best);
+    if (best.support > 0) found.focal_px = best.focal_px;
     Store(cameras, found);
     std::string text = "camera " + std::to_string(cameras.front());
     if (cameras.size() > 1) text += Formatted(" and %zu of its kind", cameras.size() - 1);
-    return best_support > 0.0
+    return best.support > 0
                ? text + Formatted(": focal length %.1f px by %zu pairs (guessed %.1f)",
                                   found.focal_px, pairs.size(), guess)
                : text + Formatted(
@@ -174,16 +195,17 @@ class WideFocalFinder {
     return pairs;
   }
 
-  // The support of all pairs at each power of two of the guess.
-  std::vector<double> Supports(camera_t lens, const std::vector<WidePair>& pairs, double guess,
-                               const std::vector<double>& powers) const {
-    std::vector<double> of_task(pairs.size() * powers.size());
-    ParallelFor(run_.num_threads, static_cast<int64_t>(of_task.size()), [&](int64_t task) {
+  // The support of all pairs at each focal length of the lens.
+  std::vector<double> Supports(camera_t lens, const std::vector<WidePair>& pairs,
+                               const std::vector<double>& focals) const {
+    std::vector<double> of_task(pairs.size() * focals.size());
+    ParallelFor(run_.num_threads, std::ssize(of_task), [&](int64_t task) {
       const WidePair& pair = pairs[task % pairs.size()];
-      const double focal = guess * std::exp2(powers[task / pairs.size()]);
+      const double focal = focals[task / pairs.size()];
       Camera camera1 = *pair.camera1, camera2 = *pair.camera2;
       for (Camera* camera : {&camera1, &camera2}) {
-        if (lens_of_.at(camera->camera_id) == lens) camera->SetMeanFocal(focal);
+        const bool is_of_lens = lens_of_.at(camera->camera_id) == lens;
+        if (is_of_lens && focal != kAsItIs) camera->SetMeanFocal(focal);
       }
       PairInput input;
       input.pair_id = pair.pair_id;
@@ -198,7 +220,7 @@ class WideFocalFinder {
       if (report.status == PairStatus::kVerified) of_task[task] = report.score;
     });
     std::vector<double> supports;
-    for (size_t k = 0; k < powers.size(); ++k) {
+    for (size_t k = 0; k < focals.size(); ++k) {
       double sum = 0.0;
       for (size_t i = 0; i < pairs.size(); ++i) sum += of_task[k * pairs.size() + i];
       supports.push_back(sum);
@@ -221,6 +243,11 @@ class WideFocalFinder {
 std::vector<std::string> LearnWideFocals(Database& database, const TwoViewOptions& options,
                                          const RunContext& run) {
   return WideFocalFinder(database, options, run).Run();
+}
+
+bool HasMoreSupport(Database& database, const std::map<camera_t, Camera>& others,
+                    const TwoViewOptions& options, const RunContext& run) {
+  return WideFocalFinder(database, options, run).HasMoreSupport(others);
 }
 
 }  // namespace cairn

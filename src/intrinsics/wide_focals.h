@@ -1,9 +1,11 @@
 #pragma once
 
+#include <map>
 #include <string>
 #include <vector>
 
 #include "cairn/base/run_context.h"
+#include "cairn/camera/camera.h"
 #include "cairn/database/database.h"
 #include "cairn/two_view/options.h"
 
@@ -18,5 +20,10 @@ namespace cairn {
 // Returns one line a lens. Random numbers: those of verification.
 std::vector<std::string> LearnWideFocals(Database& database, const TwoViewOptions& options,
                                          const RunContext& run = {});
+
+// Whether such pairs of some cameras have more support by others in their place, which are one lens
+// with the focal length that is found so, than by what is known of them.
+bool HasMoreSupport(Database& database, const std::map<camera_t, Camera>& others,
+                    const TwoViewOptions& options, const RunContext& run);
 
 }  // namespace cairn

@@ -253,7 +253,7 @@ class BuildRun {
     VerificationInput input = InputOfVerification(options_, run_.seed);
     input.pairs = to_verify;
     if (!Verify(input)) return false;
-    StageReport fisheyes = TakeFisheyes(database_, run_);
+    StageReport fisheyes = TakeFisheyes(database_, options_.verification, run_);
     if (fisheyes.Value("cameras") == 0) return true;
     return KeepGoing(std::move(fisheyes)) && Verify(input);
   }

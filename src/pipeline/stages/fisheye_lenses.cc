@@ -8,6 +8,7 @@
 
 #include "intrinsics/camera_pairs.h"
 #include "intrinsics/known_intrinsics.h"
+#include "intrinsics/wide_focals.h"
 #include "pipeline/stages/camera_maker.h"
 #include "report/stage.h"
 
@@ -29,45 +30,56 @@ bool IsBeyondFold(const KnownIntrinsics& known) {
   return (known.lens->k + kBeyondDoubt * known.lens->k_sigma) * corner * corner < kFold;
 }
 
+Camera FisheyeInPlaceOf(const Camera& camera) {
+  const double guess = FocalFactor(kFisheye) * std::max(camera.width, camera.height);
+  return Camera::FromFocal(camera.camera_id, kFisheye, guess, camera.width, camera.height);
+}
+
 // The cameras of photographs that we imported.
 std::set<camera_t> OwnCameras(const Database& database) {
   std::set<std::string> names;
   for (const PhotoRecord& photo : database.ReadPhotos()) names.insert(photo.name);
   std::set<camera_t> cameras;
   for (const Image& image : database.ReadImages()) {
-    if (names.count(image.name) > 0) cameras.insert(image.camera_id);
+    if (names.contains(image.name)) cameras.insert(image.camera_id);
   }
   return cameras;
 }
 
 }  // namespace
 
-StageReport TakeFisheyes(Database& database, const RunContext& run) {
+StageReport TakeFisheyes(Database& database, const TwoViewOptions& options, const RunContext& run) {
   Stage stage(run.monitor, "fisheye_lenses");
   const std::set<camera_t> own = OwnCameras(database);
   std::map<camera_t, KnownIntrinsics> known = ReadKnownIntrinsics(database);
-  std::erase_if(known, [&](const auto& entry) { return own.count(entry.first) == 0; });
-  const auto size_of = [](const KnownIntrinsics& of) {
-    return std::pair(of.camera.width, of.camera.height);
-  };
-  std::set<std::pair<int, int>> sizes;  // of those before, whose photographs others may have joined
+  std::erase_if(known, [&](const auto& entry) { return !own.contains(entry.first); });
+  using Size = std::pair<int, int>;
+  std::set<Size> sizes;  // of those before, whose photographs others may have joined
+  std::map<Size, std::map<camera_t, Camera>> open, beyond_fold;
   for (const auto& [id, of] : known) {
-    if (IsOpen(of, kFisheye)) sizes.insert(size_of(of));
-  }
-  std::set<camera_t> fisheyes;
-  Database::Transaction transaction(database);
-  for (const auto& [id, of] : known) {
+    const Size size(of.camera.width, of.camera.height);
+    if (IsOpen(of, kFisheye)) sizes.insert(size);
     if (!IsOpen(of, CameraModel::kSimpleRadial)) continue;
-    if (!IsBeyondFold(of) && sizes.count(size_of(of)) == 0) continue;
-    const auto [width, height] = size_of(of);
-    const double guess = FocalFactor(kFisheye) * std::max(width, height);
-    database.WriteCamera(Camera::FromFocal(id, kFisheye, guess, width, height));
+    const Camera fisheye = FisheyeInPlaceOf(of.camera);
+    open[size].emplace(id, fisheye);
+    if (IsBeyondFold(of)) beyond_fold[size].emplace(id, fisheye);
+  }
+  std::map<camera_t, Camera> fisheyes;
+  for (const Size& size : sizes) fisheyes.merge(open[size]);
+  // (A lens that bends more than SIMPLE_RADIAL, but like RADIAL, is no fisheye.)
+  for (auto& [size, cameras] : beyond_fold) {
+    if (HasMoreSupport(database, cameras, options, run)) fisheyes.merge(cameras);
+  }
+  Database::Transaction transaction(database);
+  for (const auto& [id, camera] : fisheyes) {
+    database.WriteCamera(camera);
     database.WriteCameraLens(id, {});
-    fisheyes.insert(id);
   }
   stage.Add("cameras", fisheyes.size());
   if (!fisheyes.empty()) {
-    UndoVerification(database, CamerasOfImages(database), fisheyes);
+    std::set<camera_t> changed;
+    for (const auto& [id, camera] : fisheyes) changed.insert(id);
+    UndoVerification(database, CamerasOfImages(database), changed);
     transaction.Commit();
     stage.Warn(ResultWarning{
         std::to_string(fisheyes.size()) + (fisheyes.size() == 1 ? " camera is" : " cameras are") +

@@ -28,9 +28,10 @@ TEST(FisheyeLenses, AreTakenWherePairsShowMoreDistortionThanTheModelCanHave) {
   WriteWideScene(truth, guess, {.num_images = 20, .num_points = 1500, .noise_px = 0.3}, 1,
                  database);
   Verify(database);
-  EXPECT_EQ(TakeFisheyes(database, {}).Value("cameras"), 0);  // of another program's database
+  EXPECT_EQ(TakeFisheyes(database, {}, {.num_threads = 2}).Value("cameras"),
+            0);  // of another program's database
   for (const Image& image : database.ReadImages()) database.WritePhoto({image.name, 0, ""});
-  const StageReport report = TakeFisheyes(database, {});
+  const StageReport report = TakeFisheyes(database, {}, {.num_threads = 2});
   EXPECT_EQ(report.Value("cameras"), 1);
   EXPECT_EQ(report.warnings.size(), 1u);
   EXPECT_EQ(ModelOf(database), kFisheye);
@@ -38,28 +39,38 @@ TEST(FisheyeLenses, AreTakenWherePairsShowMoreDistortionThanTheModelCanHave) {
   LearnWideFocals(database, {}, {.num_threads = 2});
   EXPECT_GT(Verify(database).Value("verified"), 20);
   EXPECT_NEAR(database.ReadCameraLenses().at(1).focal_px / truth.MeanFocal(), 1, 0.1);
-  EXPECT_EQ(TakeFisheyes(database, {}).Value("cameras"), 0);
+  EXPECT_EQ(TakeFisheyes(database, {}, {.num_threads = 2}).Value("cameras"), 0);
+}
+
+// A room by this camera, which the database knows as SIMPLE_RADIAL with this lens.
+bool AreTaken(const Camera& truth, const CameraLens& lens, bool has_prior = false) {
+  Camera camera = Camera::FromFocal(1, CameraModel::kSimpleRadial, 576, 480, 480);
+  camera.has_prior_focal_length = has_prior;
+  Database database(":memory:");
+  WriteWideScene(truth, camera, {.num_images = 20, .num_points = 1500, .noise_px = 0.3}, 1,
+                 database);
+  for (const Image& image : database.ReadImages()) database.WritePhoto({image.name, 0, ""});
+  database.WriteCameraLens(1, lens);
+  TakeFisheyes(database, {}, {.num_threads = 2});
+  return ModelOf(database) == kFisheye;
 }
 
 TEST(FisheyeLenses, AreNotTakenWhereTheModelMayHold) {
-  Database database(":memory:");
-  database.WriteCamera(Camera::FromFocal(1, CameraModel::kSimpleRadial, 600, 500, 500));
-  database.WriteImage({1, "a.jpg", 1});
-  database.WritePhoto({"a.jpg", 0, ""});
-  const auto is_taken = [&](const CameraLens& lens, bool has_prior) {
-    Camera camera = Camera::FromFocal(1, CameraModel::kSimpleRadial, 600, 500, 500);
-    camera.has_prior_focal_length = has_prior;
-    database.WriteCamera(camera);
-    database.WriteCameraLens(1, lens);
-    TakeFisheyes(database, {});
-    return ModelOf(database) == kFisheye;
-  };
+  const Camera truth = Camera::FromFocal(1, kFisheye, 160, 480, 480);
   // (The square of half the diagonal is 0.347 squared focal lengths: the corners fold at -0.427.)
-  EXPECT_TRUE(is_taken({.k = -0.5, .k_sigma = 0.02}, false));
-  EXPECT_FALSE(is_taken({.k = -0.5, .k_sigma = 0.03}, false));
-  EXPECT_FALSE(is_taken({.k = -0.4, .k_sigma = 0.001}, false));
-  EXPECT_FALSE(is_taken({.k = -0.5, .k_sigma = 0.02}, true));
-  EXPECT_FALSE(is_taken({}, false));
+  EXPECT_TRUE(AreTaken(truth, {.k = -0.5, .k_sigma = 0.02}));
+  EXPECT_FALSE(AreTaken(truth, {.k = -0.5, .k_sigma = 0.03}));
+  EXPECT_FALSE(AreTaken(truth, {.k = -0.4, .k_sigma = 0.001}));
+  EXPECT_FALSE(AreTaken(truth, {.k = -0.5, .k_sigma = 0.02}, true));
+  EXPECT_FALSE(AreTaken(truth, {}));
+}
+
+// A webcam of 120 degrees, whose distortion grows with the fifth power of the radius.
+TEST(FisheyeLenses, AreNotTakenWherePairsHaveMoreSupportWithout) {
+  Camera webcam = Camera::FromFocal(1, CameraModel::kRadial, 180, 480, 480);
+  webcam.params[3] = -0.004;
+  webcam.params[4] = -0.0115;
+  EXPECT_FALSE(AreTaken(webcam, {.focal_px = 176, .k = -0.0435, .k_sigma = 0.0004}));
 }
 
 TEST(FisheyeLenses, AreThoseOfPhotographsOfTheirSizeThatJoinLater) {
@@ -72,7 +83,7 @@ TEST(FisheyeLenses, AreThoseOfPhotographsOfTheirSizeThatJoinLater) {
     database.WriteImage({id, name, id});
     database.WritePhoto({name, 0, ""});
   }
-  EXPECT_EQ(TakeFisheyes(database, {}).Value("cameras"), 1);
+  EXPECT_EQ(TakeFisheyes(database, {}, {.num_threads = 2}).Value("cameras"), 1);
   EXPECT_EQ(ModelOf(database), kFisheye);
 }
 
