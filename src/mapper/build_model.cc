@@ -70,8 +70,8 @@ bool IsFit(StageContext& context, const Reconstruction& model) {
   stage.Fail("the model was refused: " + reason,
              context.has_mostly_parallel_rays
                  ? "most of what the photos share shows no parallax: take some from other places"
-                 : "look at the view graph with global_sfm inspect, and add photos that overlap "
-                   "more");
+                 : "look at the view graph with global_sfm inspect, and add photos that overlap: "
+                   "three and more must show the same points");
   return false;
 }
 

@@ -58,7 +58,7 @@ class PartMerger {
   }
 
   // The largest first, with their warnings, which name their folders. (Every part builds its
-  // largest component, however small it is.)
+  // largest component, however small it is, and models may be smaller than their components.)
   void TakeModels(std::vector<PartResult>& parts) {
     std::vector<std::pair<PartResult*, size_t>> built;
     for (PartResult& part : parts) {
@@ -69,7 +69,7 @@ class PartMerger {
     });
     for (const auto& [part, i] : built) {
       Reconstruction& model = part->models[i];
-      const bool is_small = parts.size() > 1 && !result_.models.empty() &&
+      const bool is_small = !result_.models.empty() && !part->keeps_frame[i] &&
                             std::ssize(model.images) < options_.min_model_images;
       const bool are_enough = std::ssize(result_.models) == options_.max_models;
       if (are_enough || is_small) {

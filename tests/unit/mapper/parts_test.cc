@@ -104,6 +104,21 @@ TEST(Parts, AFewImagesThatACameraJoinsAreNoModel) {
   EXPECT_EQ(result.models[0].images.size(), 8u);
 }
 
+// Photographs in a row of which no three show the same points: each pair has a scale of its own.
+TEST(Parts, PairsOfAChainAreNoModels) {
+  Database database = Place(6, 5);
+  ChangeGeometries(database, [](image_t id1, image_t id2, TwoViewGeometry& geometry) {
+    if (id2 != id1 + 1) geometry = {};
+    std::erase_if(geometry.inlier_matches, [](const FeatureMatch& match) {
+      return match.point1 % 2 != 0 || match.point2 % 2 == 0;
+    });
+  });
+  const ReconstructResult result = Reconstruct(database);
+  ASSERT_EQ(result.models.size(), 1u) << ToJson(result.report);
+  EXPECT_EQ(result.models[0].images.size(), 2u);
+  EXPECT_EQ(Value(*FindStage(result.report, "left_out"), "images"), 4);
+}
+
 // Two places, photographed with one camera.
 Database PlacesOfOneCamera(int num_images1, int num_images2) {
   const Database first = Place(num_images1, 6, 1), second = Place(num_images2, 6, 1);
