@@ -42,6 +42,10 @@ endif()
 add_compile_options(-Wall -Wextra -Wno-unused-parameter -Wno-restrict -ffp-contract=off)
 # GCC 12 warns of uninitialized values in Eigen's decompositions that are none.
 add_compile_options(-Wno-maybe-uninitialized)
+# GCC looks for memory to free from some 2 GB on alone: a twelfth of the modules' processor time, for a fifth more memory.
+if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
+  add_compile_options(--param=ggc-min-heapsize=1000000)
+endif()
 if(CAIRN_WERROR)
   add_compile_options(-Werror)
 endif()
