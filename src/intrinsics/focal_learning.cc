@@ -196,8 +196,9 @@ std::vector<std::string> RejectedFocalTexts(const Database& database,
     texts.push_back(
         "camera " + std::to_string(id) + " (" + name +
         (count > 1 ? " and " + std::to_string(count - 1) + " more" : "") + "): " +
-        Formatted("prior focal length %.1f px rejected: in %d of %d pairs a fundamental matrix "
-                  "explains far more matches; its pairs are verified without the prior",
+        Formatted("%s focal length %.1f px rejected: in %d of %d pairs a fundamental matrix "
+                  "explains far more matches; its pairs are verified without it",
+                  known.camera.has_prior_focal_length ? "prior" : "learned",
                   known.camera.MeanFocal(), known.judgement->num_contradicting,
                   known.judgement->num_pairs));
   }

@@ -65,6 +65,15 @@ std::vector<image_t> ImagesOfASmallPart(const Reconstruction& model) {
   return images;
 }
 
+// Images that may lie anywhere along an axis: only one other sees the points that they see, say.
+std::vector<image_t> ImagesWithoutPosition(const Reconstruction& model, const RunContext& run) {
+  std::vector<image_t> images;
+  for (const auto& [id, confidence] : EstimatePoseConfidence(model, run)) {
+    if (!std::isfinite(confidence.position_sigma)) images.push_back(id);
+  }
+  return images;
+}
+
 ResultWarning FoldWarning(const SceneData& scene, const Symmetry& symmetry) {
   return {std::to_string(symmetry.num_pairs) +
               " pairs that are not in use agree that the scene looks the same when turned by " +
@@ -157,6 +166,11 @@ std::vector<ResultWarning> JudgeModel(StageContext& context, const BuiltModel& b
   if (const std::vector<image_t> held = ImagesOfASmallPart(model); !held.empty()) {
     warn({"held by points in a small part of the photo, which hardly tell where it was taken (" +
               std::to_string(held.size()) + "): " + Names(context.scene, held),
+          "look at these, or add photos that overlap with them"});
+  }
+  if (const std::vector<image_t> open = ImagesWithoutPosition(model, context.run); !open.empty()) {
+    warn({"where they were taken is open, since their points do not tell (" +
+              std::to_string(open.size()) + "): " + Names(context.scene, open),
           "look at these, or add photos that overlap with them"});
   }
   for (const MisplacedGroup& group : groups) {

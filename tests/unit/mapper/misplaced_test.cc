@@ -46,5 +46,31 @@ TEST(Hinged, APartThatASingleImageJoinsWithTheRestIsFound) {
   EXPECT_EQ(FindHinged(scene.context, scene.graph, scene.model), (std::set<image_t>{8, 9, 10}));
 }
 
+// What only images 9 and 10 see tells the direction between them, and not how far they are apart.
+TEST(JudgeModel, NamesImagesWhosePointsLeaveTheirPositionOpen) {
+  IncompleteModel scene({});
+  const auto names_10 = [&] {
+    return std::ranges::any_of(
+        JudgeModel(scene.context, scene.Built()), [&](const ResultWarning& warning) {
+          return warning.what.find("their points do not tell (1)") != std::string::npos &&
+                 warning.what.ends_with(scene.scene.images.at(10).name);
+        });
+  };
+  EXPECT_FALSE(names_10());
+  const std::map<point3D_t, Point3D> points = scene.model.points3D;
+  for (const auto& [id, point] : points) {
+    const auto sees = [&](image_t image) {
+      return std::ranges::any_of(point.track,
+                                 [&](const auto& element) { return element.image_id == image; });
+    };
+    if (!sees(10)) continue;
+    for (const TrackElement& element : point.track) {
+      const bool is_of_others = element.image_id < 9;
+      if (sees(9) == is_of_others) scene.model.RemoveObservation(id, element);
+    }
+  }
+  EXPECT_TRUE(names_10());
+}
+
 }  // namespace
 }  // namespace cairn
