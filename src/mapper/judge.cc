@@ -74,6 +74,24 @@ std::vector<image_t> ImagesWithoutPosition(const Reconstruction& model, const Ru
   return images;
 }
 
+double FocalInSides(const Camera& camera) {
+  return camera.MeanFocal() / std::max(camera.width, camera.height);
+}
+
+// Images of cameras without EXIF for which a longer focal length is found than lenses have: seen
+// from afar, or without movement, any will do.
+std::vector<image_t> ImagesOfLongFocals(const StageContext& context, const Reconstruction& model) {
+  const std::set<camera_t> constant = context.ConstantCameras(model);
+  std::vector<image_t> images;
+  for (const auto& [id, image] : model.images) {
+    const camera_t camera_id = image.image.camera_id;
+    const bool is_known =
+        constant.contains(camera_id) || context.scene.cameras.at(camera_id).has_prior_focal_length;
+    if (!is_known && FocalInSides(model.CameraOf(image)) > kLongestFocal) images.push_back(id);
+  }
+  return images;
+}
+
 ResultWarning FoldWarning(const SceneData& scene, const Symmetry& symmetry) {
   return {std::to_string(symmetry.num_pairs) +
               " pairs that are not in use agree that the scene looks the same when turned by " +
@@ -172,6 +190,14 @@ std::vector<ResultWarning> JudgeModel(StageContext& context, const BuiltModel& b
     warn({"where they were taken is open, since their points do not tell (" +
               std::to_string(open.size()) + "): " + Names(context.scene, open),
           "look at these, or add photos that overlap with them"});
+  }
+  if (const std::vector<image_t> far = ImagesOfLongFocals(context, model); !far.empty()) {
+    const Camera& camera = model.CameraOf(model.images.at(far.front()));
+    warn(
+        {Formatted("longer focal lengths are found than lenses have, as %.1f larger sides (%zu): ",
+                   FocalInSides(camera), far.size()) +
+             Names(context.scene, far),
+         "give their focal length (--camera_params), or photos that move more: distances are off"});
   }
   for (const MisplacedGroup& group : groups) {
     warn(

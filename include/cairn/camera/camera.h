@@ -38,6 +38,9 @@ enum class CameraModel : int {
 inline constexpr int kNumCameraModels = 18;
 inline constexpr int kMaxCameraParams = 16;  // of any model
 
+// Plausible focal lengths, in larger sides of the image: 118 and 9 degrees across it.
+inline constexpr double kShortestFocal = 0.3, kLongestFocal = 6.6;
+
 std::optional<CameraModel> CameraModelFromName(std::string_view name);  // "SIMPLE_PINHOLE", ...
 std::optional<CameraModel> CameraModelFromId(int id);
 std::string_view CameraModelName(CameraModel model);

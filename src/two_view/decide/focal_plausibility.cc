@@ -57,9 +57,8 @@ struct FocalRange {
 
 FocalRange PlausibleFocals(const Camera& camera) {
   if (camera.has_prior_focal_length) return {0.4, 2.5};
-  constexpr double kSmallest = 0.3, kLargest = 6.6;  // larger sides
   const double side = std::max(camera.width, camera.height) / camera.MeanFocal();
-  return {kSmallest * side, kLargest * side};
+  return {kShortestFocal * side, kLongestFocal * side};
 }
 
 }  // namespace

@@ -46,6 +46,24 @@ TEST(Hinged, APartThatASingleImageJoinsWithTheRestIsFound) {
   EXPECT_EQ(FindHinged(scene.context, scene.graph, scene.model), (std::set<image_t>{8, 9, 10}));
 }
 
+TEST(JudgeModel, NamesImagesWithLongerFocalLengthsThanLensesHave) {
+  IncompleteModel scene({});
+  const camera_t id = scene.model.images.at(3).image.camera_id;
+  Camera& camera = scene.model.cameras.at(id);
+  const auto is_named = [&](double sides, bool has_exif) {
+    camera.SetMeanFocal(sides * std::max(camera.width, camera.height));
+    scene.scene.cameras.at(id).has_prior_focal_length = has_exif;
+    return std::ranges::any_of(
+        JudgeModel(scene.context, scene.Built()), [&](const ResultWarning& warning) {
+          return warning.what.find("7.0 larger sides (1)") != std::string::npos &&
+                 warning.what.ends_with(scene.scene.images.at(3).name);
+        });
+  };
+  EXPECT_TRUE(is_named(7, false));
+  EXPECT_FALSE(is_named(7, true));
+  EXPECT_FALSE(is_named(6.5, false));
+}
+
 // What only images 9 and 10 see tells the direction between them, and not how far they are apart.
 TEST(JudgeModel, NamesImagesWhosePointsLeaveTheirPositionOpen) {
   IncompleteModel scene({});
