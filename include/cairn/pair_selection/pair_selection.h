@@ -82,12 +82,12 @@ struct DescribedImages {
 };
 
 // An image that asks for candidates.
-struct Query {
+struct CandidateQuery {
   std::vector<image_t> left_out;  // ascending
   // Left out, too: ascending, one list of all images that have it; null: none.
   std::shared_ptr<const std::vector<image_t>> part = nullptr;
 };
-using Queries = std::map<image_t, Query>;
+using Queries = std::map<image_t, CandidateQuery>;
 
 // For each image that asks, the `num` ones with the largest products of descriptions, best first,
 // of equal ones the first. All are compared: 10^4 images of 64 words take a minute of one core.
