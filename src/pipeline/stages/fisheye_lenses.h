@@ -8,11 +8,10 @@
 namespace cairn {
 
 // Makes fisheyes (SIMPLE_RADIAL_FISHEYE, with a guessed focal length) of cameras of our photographs
-// whose pairs taught more distortion than SIMPLE_RADIAL can have: r (1 + k r^2) does not reach the
-// image's corners, where these pairs have more support by a fisheye. So bend lenses that show some
-// 150 degrees and more from corner to corner.
-// Photographs of the same size that join later follow. Their pairs count as not verified. The
-// report has a warning, if there are such "cameras".
+// whose pairs taught more distortion than SIMPLE_RADIAL can have, where r (1 + k r^2) does not
+// reach the image's corners, and have more support by a fisheye. So bend lenses that show some 150
+// degrees and more from corner to corner. Photographs of the same size that join later follow.
+// Their pairs count as not verified. The report has a warning, if there are such "cameras".
 StageReport TakeFisheyes(Database& database, const TwoViewOptions& options, const RunContext& run);
 
 }  // namespace cairn

@@ -3,7 +3,6 @@
 #include "cairn/math/median.h"
 #include "math/random_vectors.h"
 #include "support/test.h"
-#include "support/two_view_problem.h"
 #include "two_view/decide/focal_plausibility.h"
 #include "unit/two_view/pair_fixture.h"
 
@@ -182,12 +181,7 @@ std::optional<FocalEvidence> Weigh(TwoViewProblem problem, double factor1, doubl
                                    VerifierKind kind = VerifierKind::kCascade) {
   problem.camera1.SetMeanFocal(factor1 * problem.camera1.MeanFocal());
   problem.camera2.SetMeanFocal(factor2 * problem.camera2.MeanFocal());
-  PairInput input;
-  input.camera1 = &problem.camera1;
-  input.camera2 = &problem.camera2;
-  input.keypoints1 = problem.keypoints1;
-  input.keypoints2 = problem.keypoints2;
-  input.matches = problem.matches;
+  PairInput input = InputByFrames(problem);
   input.weigh_focals = true;
   return MakePairVerifier(kind, {})->Verify(input).focal_evidence;
 }

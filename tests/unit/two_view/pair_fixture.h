@@ -7,6 +7,7 @@
 #include "cairn/two_view/pair_verifier.h"
 #include "math/random_vectors.h"
 #include "support/random_two_view.h"
+#include "support/two_view_problem.h"
 
 namespace cairn {
 
@@ -154,6 +155,17 @@ inline Pair MakePlanarPair(const Rigid3d& cam2_from_cam1, bool rotation_only, in
     pair.is_inlier.push_back(true);
   }
   return pair;
+}
+
+// What a verifier gets of the problem, which must outlive it, without depth.
+inline PairInput InputByFrames(const TwoViewProblem& problem) {
+  PairInput input;
+  input.camera1 = &problem.camera1;
+  input.camera2 = &problem.camera2;
+  input.keypoints1 = problem.keypoints1;
+  input.keypoints2 = problem.keypoints2;
+  input.matches = problem.matches;
+  return input;
 }
 
 inline double PoseErrorDeg(const PairReport& report, const Pair& pair) {

@@ -1,7 +1,6 @@
 #include "cairn/two_view/pair_verifier.h"
 #include "math/random_vectors.h"
 #include "support/test.h"
-#include "support/two_view_problem.h"
 #include "two_view/pair_fixture.h"
 
 namespace cairn {
@@ -304,15 +303,8 @@ TEST(SpecialPairs, SmallPatchesWithReliefAreNeverVerifiedByFewMatches) {
   EXPECT_GT(num_degenerate, 0);
 }
 
-// Without depth.
 PairReport VerifyByFrames(const TwoViewProblem& problem, const TwoViewOptions& options) {
-  PairInput input;
-  input.camera1 = &problem.camera1;
-  input.camera2 = &problem.camera2;
-  input.keypoints1 = problem.keypoints1;
-  input.keypoints2 = problem.keypoints2;
-  input.matches = problem.matches;
-  return MakePairVerifier(VerifierKind::kCascade, options)->Verify(input);
+  return MakePairVerifier(VerifierKind::kCascade, options)->Verify(InputByFrames(problem));
 }
 
 // A wall seen twice in one pair, as two identical facades are: `num_second` matches tell of another
