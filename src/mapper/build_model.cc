@@ -7,6 +7,7 @@
 #include "cairn/view_graph/view_graph_builder.h"
 #include "mapper/stages.h"
 #include "view_graph/duplicate_structure.h"
+#include "view_graph/loose_group.h"
 
 namespace cairn {
 namespace {
@@ -199,6 +200,59 @@ bool ImproveBest(StageContext& context, BuiltModel& best) {
   return true;
 }
 
+// The best model, improved. Without one, the report has the failure.
+BuiltModel BuildImproved(StageContext& context, std::span<const image_t> component,
+                         const ViewGraph& graph) {
+  BuiltModel best =
+      BuildBest(context, component, graph, HypothesizeRotations(context, component, graph));
+  if (best.model && !context.scene.poses_alone && !ImproveBest(context, best)) best.model.reset();
+  return best;
+}
+
+// A graph without the pairs that hold a group where the model has it.
+ViewGraph WithoutPairsOf(const LooseGroup& group, const ViewGraph& of_model, ViewGraph graph) {
+  const auto joins = [&](const ViewEdge& edge) {
+    return (group.images.contains(edge.image_id1) && group.others.contains(edge.image_id2)) ||
+           (group.others.contains(edge.image_id1) && group.images.contains(edge.image_id2));
+  };
+  for (size_t e = 0; e < graph.edges.size(); ++e) {
+    if (of_model.edges[e].IsActive() && joins(graph.edges[e])) {
+      graph.edges[e].removal = EdgeRemoval::kAmbiguous;
+    }
+  }
+  return graph;
+}
+
+// A model with as many images and nearly as much evidence is taken where its images match better.
+constexpr double kNearly = 0.95;
+
+// Images of another side of a building that looks alike match the side that they are put on badly.
+// Do other pairs put them elsewhere?
+void PlaceLooseGroup(StageContext& context, std::span<const image_t> component,
+                     const ViewGraph& graph, BuiltModel& best) {
+  const std::vector<image_pair_t> tried = context.scene.tried_pairs();
+  const LooseGroup group = FindLooseGroup(*best.model, tried, context.run);
+  if (!group.IsLoose()) return;
+  BuiltModel other = BuildImproved(context, component, WithoutPairsOf(group, best.graph, graph));
+  context.report.failure.clear();
+  ModelStage stage(context, "loose_group");
+  stage.Add("images", group.images.size());
+  stage.Add("relative_rate", group.relative_rate);
+  const bool is_better = other.model && other.model->images.size() >= best.model->images.size() &&
+                         other.evidence.nats >= kNearly * best.evidence.nats &&
+                         !FindLooseGroup(*other.model, tried, context.run).IsLoose();
+  stage.Add("is_placed_elsewhere", is_better);
+  if (is_better) {
+    best = std::move(other);
+    stage.Note(
+        std::to_string(group.images.size()) +
+        " images that look alike but show another side get the place that other pairs give "
+        "them: " +
+        Names(context.scene, std::vector<image_t>(group.images.begin(), group.images.end())));
+  }
+  context.min_angle_deg = best.min_angle_deg;
+}
+
 // The images of an earlier model, and those that are in none.
 std::vector<image_t> ImagesWithin(const StageContext& context, const Reconstruction& earlier) {
   std::vector<image_t> images;
@@ -230,14 +284,10 @@ bool GrowEarlier(StageContext& context, ViewGraph& graph, Reconstruction& model)
 
 BuiltModel BuildModel(StageContext& context, std::span<const image_t> component,
                       const ViewGraph& graph) {
-  BuiltModel best =
-      BuildBest(context, component, graph, HypothesizeRotations(context, component, graph));
+  BuiltModel best = BuildImproved(context, component, graph);
   if (!best.model) return best;
-  if (!context.scene.poses_alone && !ImproveBest(context, best)) {
-    best.model.reset();
-    return best;
-  }
   if (context.settings.reconstruct.separate_duplicates && !context.scene.poses_alone) {
+    PlaceLooseGroup(context, component, graph, best);
     best.duplicate_edges =
         FindDuplicates(context, best.graph, "are removed and their images reconstructed again",
                        *best.model, best.warnings);

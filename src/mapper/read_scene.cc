@@ -178,6 +178,13 @@ void KeepReaders(const Database& database, std::map<image_t, std::vector<point2D
     const std::lock_guard<std::mutex> lock(reader->mutex);
     return reader->database.ReadTwoViewGeometry(pair_id).value();
   };
+  scene.tried_pairs = [reader] {
+    const std::lock_guard<std::mutex> lock(reader->mutex);
+    std::vector<image_pair_t> pairs;
+    for (const auto& [pair_id, num] : reader->database.ReadNumMatches()) pairs.push_back(pair_id);
+    for (const auto& [pair_id, num] : reader->database.ReadNumInliers()) pairs.push_back(pair_id);
+    return Unique(std::move(pairs));
+  };
 }
 
 // Results of pairs that a run of build_view_graph left for the next one are missed. Those whose

@@ -38,6 +38,8 @@ struct SceneFacts {
   // found.
   std::function<FeatureMatches(const ViewEdge&)> raw_matches;
   std::function<TwoViewGeometry(image_pair_t)> stored_geometry;
+  // The pairs that were matched, with or without success; likewise.
+  std::function<std::vector<image_pair_t>()> tried_pairs;
   // The relative poses are those of a 1DSfM data set, without counted inliers; without tracks, it
   // has no matches either, and the models have no points.
   bool poses_imported = false;

@@ -11,17 +11,11 @@
 #include "cairn/math/angles.h"
 #include "cairn/math/median.h"
 #include "math/sorted_order.h"
+#include "view_graph/shared_view.h"
 
 namespace cairn {
 namespace {
 
-// Cells of an image's longer side.
-constexpr int kCells = 10;
-// Points of an image that are looked at.
-constexpr size_t kMaxPoints = 400;
-// A point should look the same from the other camera: directions and distances are similar.
-const double kMinCosine = std::cos(DegToRad(25.0));
-constexpr double kMaxDistanceRatio = 1.6;
 // Comparable points that a pair must have to be judged.
 constexpr double kMinEvidence = 30;
 // A pair contradicts where more of them lie in cells without any match than its matching rate
@@ -30,52 +24,6 @@ constexpr double kMinDeviations = 3;
 
 // Images that make a place.
 constexpr int kMinGroup = 3;
-
-// An image, ready to be compared with others.
-struct View {
-  const RegisteredImage* image = nullptr;
-  const Camera* camera = nullptr;
-  Eigen::Vector3d center;
-  int columns = 0;
-  int rows = 0;
-  std::vector<point3D_t> seen;                                 // all of its points, ascending
-  std::vector<std::pair<point3D_t, Eigen::Vector3d>> samples;  // at most kMaxPoints of them
-  std::vector<int> present;                                    // points in each cell
-
-  int CellOf(const Eigen::Vector2d& pixel) const {
-    if (!(pixel.x() >= 0 && pixel.y() >= 0 && pixel.x() < camera->width &&
-          pixel.y() < camera->height)) {
-      return -1;
-    }
-    return static_cast<int>(pixel.y() * rows / camera->height) * columns +
-           static_cast<int>(pixel.x() * columns / camera->width);
-  }
-};
-
-View MakeView(const Reconstruction& model, const RegisteredImage& image) {
-  View view;
-  view.image = &image;
-  view.camera = &model.CameraOf(image);
-  view.center = image.cam_from_world.Center();
-  const double cell =
-      static_cast<double>(std::max(view.camera->width, view.camera->height)) / kCells;
-  view.columns = std::max(1, static_cast<int>(std::lround(view.camera->width / cell)));
-  view.rows = std::max(1, static_cast<int>(std::lround(view.camera->height / cell)));
-  view.present.assign(static_cast<size_t>(view.columns) * view.rows, 0);
-  for (size_t k = 0; k < image.point3D_ids.size(); ++k) {
-    if (image.point3D_ids[k] == kInvalidPoint3DId) continue;
-    view.seen.push_back(image.point3D_ids[k]);
-    const int cell = view.CellOf(image.points2D[k]);
-    if (cell >= 0) ++view.present[cell];
-  }
-  const size_t num_samples = std::min(view.seen.size(), kMaxPoints);
-  for (size_t k = 0; k < num_samples; ++k) {
-    const point3D_t id = view.seen[k * view.seen.size() / num_samples];
-    view.samples.emplace_back(id, model.points3D.at(id).xyz);
-  }
-  std::sort(view.seen.begin(), view.seen.end());
-  return view;
-}
 
 // What two views show of each other: the more comparable points, the more it counts.
 struct Comparison {
@@ -110,14 +58,6 @@ double ChanceOfNone(double rate, int n) {
   return chance;
 }
 
-// Distortion models fold what lies beyond their field back into the picture: there the pixel is
-// another direction's.
-bool Sees(const Camera& camera, const Eigen::Vector3d& in_camera, const Eigen::Vector2d& pixel) {
-  if (camera.DistortionIndices().empty()) return true;
-  const auto ray = camera.RayFromImg(pixel);
-  return ray && AngleBetween(*ray, in_camera) < DegToRad(1.0);
-}
-
 // Points of `a` that `b` should see as well, against those that it does, cell by cell. A pair that
 // matches badly misses points everywhere; one of two places that look alike matches in some cells
 // as well as any, and in others, where both have points, not at all.
@@ -128,20 +68,10 @@ Comparison CompareInto(const View& a, const View& b) {
   std::vector<Cell> cells(b.present.size());
   for (size_t k = 0; k < cells.size(); ++k) cells[k].present = b.present[k];
   for (const auto& [id, xyz] : a.samples) {
-    const Eigen::Vector3d from_a = xyz - a.center;
-    const Eigen::Vector3d from_b = xyz - b.center;
-    const double distance_a = from_a.norm();
-    const double distance_b = from_b.norm();
-    if (from_a.dot(from_b) < kMinCosine * distance_a * distance_b) continue;
-    if (distance_a > kMaxDistanceRatio * distance_b) continue;
-    if (distance_b > kMaxDistanceRatio * distance_a) continue;
-    const Eigen::Vector3d in_b = b.image->cam_from_world * xyz;
-    const auto pixel = b.camera->ImgFromRay(in_b);
-    if (!pixel) continue;
-    const int cell = b.CellOf(*pixel);
-    if (cell < 0 || !Sees(*b.camera, in_b, *pixel)) continue;
-    ++cells[cell].expected;
-    cells[cell].common += std::binary_search(b.seen.begin(), b.seen.end(), id);
+    const std::optional<Expected> expected = ExpectIn(b, a, xyz);
+    if (!expected) continue;
+    ++cells[expected->cell].expected;
+    cells[expected->cell].common += b.Sees(id);
   }
   std::vector<std::pair<int, int>> matched;  // expected and common points of cells with matches
   for (const Cell& cell : cells) {
