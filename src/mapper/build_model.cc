@@ -226,29 +226,30 @@ ViewGraph WithoutPairsOf(const LooseGroup& group, const ViewGraph& of_model, Vie
 // A model with as many images and nearly as much evidence is taken where its images match better.
 constexpr double kNearly = 0.95;
 
+LooseGroup FindLoose(StageContext& context, const Reconstruction& model) {
+  ModelStage stage(context, "loose_group");
+  LooseGroup group = FindLooseGroup(model, context.scene.tried_pairs(), context.run);
+  stage.Add("images", group.images.size());
+  stage.Add("relative_rate", group.relative_rate);
+  return group;
+}
+
 // Images of another side of a building that looks alike match the side that they are put on badly.
 // Do other pairs put them elsewhere?
 void PlaceLooseGroup(StageContext& context, std::span<const image_t> component,
                      const ViewGraph& graph, BuiltModel& best) {
-  const std::vector<image_pair_t> tried = context.scene.tried_pairs();
-  const LooseGroup group = FindLooseGroup(*best.model, tried, context.run);
+  const LooseGroup group = FindLoose(context, *best.model);
   if (!group.IsLoose()) return;
   BuiltModel other = BuildImproved(context, component, WithoutPairsOf(group, best.graph, graph));
   context.report.failure.clear();
-  ModelStage stage(context, "loose_group");
-  stage.Add("images", group.images.size());
-  stage.Add("relative_rate", group.relative_rate);
-  const bool is_better = other.model && other.model->images.size() >= best.model->images.size() &&
-                         other.evidence.nats >= kNearly * best.evidence.nats &&
-                         !FindLooseGroup(*other.model, tried, context.run).IsLoose();
-  stage.Add("is_placed_elsewhere", is_better);
-  if (is_better) {
+  if (other.model && other.model->images.size() >= best.model->images.size() &&
+      other.evidence.nats >= kNearly * best.evidence.nats &&
+      !FindLoose(context, *other.model).IsLoose()) {
+    const std::vector<image_t> images(group.images.begin(), group.images.end());
+    ModelStage(context, "another_place")
+        .Note("images of another side that looks alike get the place that other pairs give them (" +
+              std::to_string(images.size()) + "): " + Names(context.scene, images));
     best = std::move(other);
-    stage.Note(
-        std::to_string(group.images.size()) +
-        " images that look alike but show another side get the place that other pairs give "
-        "them: " +
-        Names(context.scene, std::vector<image_t>(group.images.begin(), group.images.end())));
   }
   context.min_angle_deg = best.min_angle_deg;
 }
