@@ -93,6 +93,7 @@ int Run(Command&, GeoregisterFlags& flags) {
       flags.overwrite);
   monitor.Info("origin, similarity and residuals: " +
                (std::filesystem::path(flags.output_path) / kJsonName).string());
+  WarnOfOtherModels(flags.model_path, "georegistered", monitor);
   return kExitSuccess;
 }
 

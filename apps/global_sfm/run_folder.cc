@@ -5,6 +5,7 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <set>
+#include <span>
 
 #include "cairn/base/error.h"
 #include "cairn/base/file.h"
@@ -120,11 +121,9 @@ std::string RunFolderOf(const std::string& path) {
   fs::path folder = fs::absolute(path).lexically_normal();
   if (!folder.has_filename()) folder = folder.parent_path();
   if (IsRunFolder(folder)) return folder.string();
-  const fs::path above = folder.parent_path();
-  if (above.filename() == "sparse" && IsRunFolder(above.parent_path())) {
-    return above.parent_path().string();
-  }
-  return "";
+  const fs::path models = folder.filename() == "sparse" ? folder : folder.parent_path();
+  const bool is_of_run = models.filename() == "sparse" && IsRunFolder(models.parent_path());
+  return is_of_run ? models.parent_path().string() : "";
 }
 
 void WarnOfUnfinishedModels(const std::string& model_path, ProgressMonitor& monitor) {
@@ -139,19 +138,16 @@ void WarnOfUnfinishedModels(const std::string& model_path, ProgressMonitor& moni
 
 void WarnOfOtherModels(const std::string& model_path, const std::string& done,
                        ProgressMonitor& monitor) {
-  if (LargestModelIn(model_path) == model_path) return;
-  for (int k = 1;; ++k) {
-    const std::string name = "sparse/" + std::to_string(k);
-    const std::string path = (fs::path(model_path) / name).string();
-    if (!IsColmapModel(path)) return;
+  const std::vector<std::string> paths = ModelsIn(model_path);
+  for (const std::string& path : std::span(paths).subspan(1)) {
     std::string photos;
     try {
       const size_t num = ReadModel(path, {.read_points = false}).images.size();
       photos = " with " + std::to_string(num) + " more photographs";
     } catch (const IoError&) {  // who wants it will hear why
     }
-    monitor.Warning(name + photos + " is not " + done + ": --model_path " + path +
-                    ", with another --output_path");
+    monitor.Warning(path + photos + " is not " + done +
+                    ": give it as --model_path, with another --output_path");
   }
 }
 

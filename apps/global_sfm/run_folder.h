@@ -20,7 +20,7 @@ struct RunFolder {
   std::string report_json;
 };
 
-// The folder of the run that the path is in, as itself or as one of its models; "": of none.
+// The folder of the run that the path is in, as itself, its models or one of them; "": of none.
 std::string RunFolderOf(const std::string& path);
 // Warns where the path is of a run that did not finish its models: its folder, or a model in it.
 void WarnOfUnfinishedModels(const std::string& model_path, ProgressMonitor& monitor);

@@ -51,7 +51,7 @@ void WarnOfFailed(const std::map<std::string, std::string>& failed, ProgressMoni
 int Run(Command& command, UndistortFlags& flags) {
   ConsoleMonitor monitor;
   WarnOfUnfinishedModels(flags.model_path, monitor);
-  const std::string model_path = LargestModelIn(flags.model_path);
+  const std::string model_path = ModelsIn(flags.model_path).front();
   Reconstruction model = ReadModel(model_path);
   CompleteImageSizes(flags.image_path, model);
   const UndistortJob job{.image_path = flags.image_path,

@@ -103,6 +103,14 @@ std::vector<std::string> Database::FindBadRows() const {
                     ReasonAgainstImage(query.Int(0), query.Text(1), query.Int(2)));
     }
   }
+  if (impl_->has_rigs) {  // COLMAP 4.x
+    Query query(*impl_,
+                "SELECT DISTINCT rig_id FROM rig_sensors WHERE sensor_type = 0 ORDER BY rig_id;");
+    while (query.Step()) {
+      bad.push_back("rig_sensors of rig " + query.Text(0) +
+                    ": cameras that are fixed to each other are not known as such");
+    }
+  }
   for (const Table& table : kImageTables) {
     Query query(*impl_, table.sql);
     while (query.Step()) {

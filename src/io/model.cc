@@ -9,11 +9,6 @@
 
 namespace cairn {
 
-std::string LargestModelIn(const std::string& path) {
-  const std::string largest = path + "/sparse/0";
-  return !IsColmapModel(path) && IsColmapModel(largest) ? largest : path;
-}
-
 Reconstruction ReadModel(const std::string& path, const ReadModelOptions& options) {
   std::error_code ignored;
   if (!std::filesystem::exists(path, ignored)) throw IoError(path, "no such file or folder");
@@ -22,7 +17,7 @@ Reconstruction ReadModel(const std::string& path, const ReadModelOptions& option
     return ReadBundler(path, options.list_path.empty() ? beside : options.list_path,
                        {.read_points = options.read_points});
   }
-  const std::string folder = LargestModelIn(path);
+  const std::string folder = ModelsIn(path).front();
   if (IsColmapModel(folder)) return ReadColmapModel(folder);
   if (IsStrechaFolder(path)) return ReadStrecha(path);
   throw IoError(path,
@@ -31,11 +26,12 @@ Reconstruction ReadModel(const std::string& path, const ReadModelOptions& option
 }
 
 std::vector<std::string> ModelsIn(const std::string& path) {
+  const std::filesystem::path itself(path);
   std::vector<std::string> models;
-  for (const std::string& folder : {path, path + "/sparse"}) {
-    if (IsColmapModel(path)) break;
-    for (int k = 0; IsColmapModel(folder + "/" + std::to_string(k)); ++k) {
-      models.push_back(folder + "/" + std::to_string(k));
+  for (const std::filesystem::path& folder : {itself, itself / "sparse"}) {
+    if (IsColmapModel(folder)) return {folder};
+    for (int k = 0; IsColmapModel(folder / std::to_string(k)); ++k) {
+      models.push_back(folder / std::to_string(k));
     }
     if (!models.empty()) return models;
   }

@@ -30,6 +30,7 @@ std::string ReadTextFile(const std::string& path) {
   if (text.starts_with("\xFF\xFE") || text.starts_with("\xFE\xFF")) {
     throw IoError(path, "is UTF-16; save it as UTF-8");
   }
+  if (text.find('\0') != std::string::npos) throw IoError(path, "is no text file");
   return text;
 }
 

@@ -20,7 +20,7 @@ double RoundUp(double value) {
 
 // Some 20 bins of a round width up to the 98th percentile; what lies beyond is in the last one.
 // Whole numbers get bins of whole width.
-Json Histogram(const char* name, const char* title, const char* unit, std::vector<double> values,
+Json Histogram(const char* title, const char* unit, std::vector<double> values,
                bool are_whole = false) {
   std::erase_if(values, [](double value) { return !std::isfinite(value); });
   if (values.empty()) return Json();
@@ -35,8 +35,7 @@ Json Histogram(const char* name, const char* title, const char* unit, std::vecto
     const double bin = std::clamp((value - lowest) / width, 0.0, num_bins - 1.0);
     ++counts[static_cast<int>(bin)];
   }
-  return {{"name", name},
-          {"title", title},
+  return {{"title", title},
           {"unit", unit},
           {"lowest", lowest},
           {"width", width},
@@ -89,15 +88,12 @@ Json HistogramsJson(const PageScene& scene) {
   for (const PageImage& image : scene.images) {
     if (image.num_points > 0) errors.push_back(image.error_px);
   }
-  Json all = {
-      Histogram("inliers", "Inliers of pairs in use", "matches", inliers, true),
-      Histogram("removed_inliers", "Inliers of pairs that were taken out", "matches",
-                removed_inliers, true),
-      Histogram("residuals", "Residuals of pairs in use (median Sampson error)", "px", residuals),
-      Histogram("track_lengths", "Photos that see a point", "photos", lengths, true),
-      Histogram("angles", "Largest triangulation angle of a point", "°",
-                TriangulationAngles(scene)),
-      Histogram("errors", "Mean reprojection error of a photo", "px", errors)};
+  Json all = {Histogram("Inliers of pairs in use", "matches", inliers, true),
+              Histogram("Inliers of pairs that were taken out", "matches", removed_inliers, true),
+              Histogram("Residuals of pairs in use (median Sampson error)", "px", residuals),
+              Histogram("Photos that see a point", "photos", lengths, true),
+              Histogram("Largest triangulation angle of a point", "°", TriangulationAngles(scene)),
+              Histogram("Mean reprojection error of a photo", "px", errors)};
   Json present = Json::array();
   for (Json& histogram : all) {
     if (!histogram.is_null()) present.push_back(std::move(histogram));

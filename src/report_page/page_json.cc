@@ -105,7 +105,6 @@ Json ModelsJson(const PageScene& scene, PageBlocks& blocks) {
     json["name"] = scene.input.model_names[k];
     json["images"] = model.images.size();
     json["points"] = model.points3D.size();
-    json["observations"] = model.NumObservations();
     json["track_length"] = model.MeanTrackLength();
     json["error_px"] = model.MeanReprojectionErrorPx(scene.run.num_threads);
     AddConfidence(scene, static_cast<int>(k), CameraSpread(model), json);
@@ -129,7 +128,6 @@ Json ImagesJson(const PageScene& scene, PageBlocks& blocks) {
     Json json = {{"name", image.image.name},
                  {"model", image.model},
                  {"camera", camera_index.at(image.image.camera_id)},
-                 {"keypoints", image.num_keypoints},
                  {"pairs", image.num_pairs}};
     if (image.model >= 0) {
       json["points"] = image.num_points;
@@ -167,7 +165,6 @@ Json CamerasJson(const PageScene& scene, PageBlocks& blocks) {
                  {"height", shown.height},
                  {"params", shown.params},
                  {"images", camera.num_images},
-                 {"observations", camera.num_observations},
                  {"origin", OriginOf(camera)},
                  {"doubt", DoubtAboutCamera(camera)}};
     if (!shown.params.empty()) {

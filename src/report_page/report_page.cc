@@ -99,7 +99,6 @@ ReportPage MakeReportPage(const Database& database, const ReportPageInput& input
   Json data;
   data["title"] = input.title;
   data["three_folder"] = input.three_folder;
-  data["has_three"] = !three.empty();
   data["findings"] = Findings(scene);
   data["models"] = ModelsJson(scene, blocks);
   data["images"] = ImagesJson(scene, blocks);

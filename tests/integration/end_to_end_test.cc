@@ -287,9 +287,9 @@ TEST(EndToEnd, UndistortAndExportNameTheModelsThatTheyLeave) {
       RunProgram("global_sfm", {"undistort", "--model_path", scene / "two", "--image_path",
                                 scene.images(), "--output_path", scene / "dense"});
   EXPECT_EQ(result.exit_code, 0) << result.output;
-  EXPECT_THAT(result.output, HasSubstr("sparse/1 with 8 more photographs is not undistorted: "
-                                       "--model_path " +
-                                       (scene / "two/sparse/1")));
+  EXPECT_THAT(result.output, HasSubstr((scene / "two/sparse/1") +
+                                       " with 8 more photographs is not undistorted: give it as "
+                                       "--model_path"));
   EXPECT_THAT(RunProgram("global_sfm", {"export", "--model_path", scene / "two", "--output_type",
                                         "ply", "--output_path", scene / "two.ply"})
                   .output,

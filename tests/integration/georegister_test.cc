@@ -71,6 +71,21 @@ TEST(Georegister, WrongPositionsAreNamedAndTheModelIsMoved) {
   }
 }
 
+TEST(Georegister, NamesTheModelsThatItLeaves) {
+  const SceneFiles scene;
+  WritePositions(ReadColmapModel(SceneFiles::truth()), scene / "gps.txt", false);
+  for (const char* model : {"two/0", "two/1"}) {
+    std::filesystem::create_directories(scene / model);
+    std::filesystem::copy(SceneFiles::truth(), scene / model);
+  }
+  const ProgramResult result =
+      RunProgram("global_sfm", {"georegister", "--model_path", scene / "two", "--gps_path",
+                                scene / "gps.txt", "--output_path", scene / "enu"});
+  ASSERT_EQ(result.exit_code, 0) << result.output;
+  EXPECT_THAT(result.output,
+              HasSubstr((scene / "two/1") + " with 8 more photographs is not georegistered"));
+}
+
 TEST(Georegister, ReconstructPutsModelsInTheFrame) {
   const SceneFiles scene;
   WritePositions(ReadColmapModel(SceneFiles::truth()), scene / "gps.txt", true);

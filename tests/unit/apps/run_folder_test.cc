@@ -21,5 +21,18 @@ TEST(RunFolder, OfARunWithoutAModelIsRead) {
   EXPECT_EQ(run.graph.image_ids.size(), 2u);
 }
 
+TEST(RunFolder, IsThatOfItsModels) {
+  const TempFolder folder;
+  const std::string run = folder / "run";
+  CreateFolders(run + "/sparse/0");
+  for (const char* name : {"/report.json", "/effective.toml"}) WriteFileAtomically(run + name, "");
+  for (const char* path : {"", "/", "/sparse", "/sparse/", "/sparse/0"}) {
+    EXPECT_EQ(RunFolderOf(run + path), run) << path;
+  }
+  for (const char* path : {"/images", "/images/0", "/.."}) {
+    EXPECT_EQ(RunFolderOf(run + path), "") << path;
+  }
+}
+
 }  // namespace
 }  // namespace cairn

@@ -61,6 +61,14 @@ TEST_F(ColmapFilesTest, AnImageThatGoesLeavesTheFrameToTheOthersInIt) {
   EXPECT_EQ(RunSql(path, "SELECT * FROM frames"), SqlRows());
 }
 
+TEST_F(ColmapFilesTest, RigsThatAreNotUsedAreNamed) {
+  const std::string path = folder_ / "v4.db";
+  EXPECT_THAT(OneRigOfTwoCameras(path).FindBadRows(),
+              ElementsAre(HasSubstr("rig_sensors of rig 1: ")));
+  RunSql(path, "DELETE FROM rig_sensors");
+  EXPECT_THAT(Database(path).FindBadRows(), IsEmpty());
+}
+
 TEST_F(ColmapFilesTest, AnImageThatGoesTakesItsPositionWithIt) {
   const std::string path = folder_ / "v4.db";
   Database database = OneRigOfTwoCameras(path);

@@ -313,9 +313,11 @@ TEST(ReadModel, TakesTheLargestModelOfAFolder) {
   WriteColmapModel(RandomReconstruction(4), folder / "sparse/0");
   WriteColmapModel({}, folder / "sparse/1");
   const size_t num_images = RandomReconstruction(4).images.size();
-  for (const char* path : {"", "sparse/0", "/"}) {
+  for (const char* path : {"", "sparse/0", "/", "sparse"}) {
     EXPECT_EQ(ReadModel(folder / path).images.size(), num_images) << path;
   }
+  WriteColmapModel(RandomReconstruction(4), folder / "dense/sparse");
+  EXPECT_EQ(ReadModel(folder / "dense").images.size(), num_images);
   WriteColmapModel({}, folder.path());
   EXPECT_TRUE(ReadModel(folder.path()).images.empty());
 }

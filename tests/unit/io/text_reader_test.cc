@@ -46,6 +46,13 @@ TEST(TextReader, Utf16IsNamed) {
   EXPECT_THAT(ThrownMessage<IoError>([&] { TextReader(folder / "a"); }), HasSubstr("is UTF-16"));
 }
 
+TEST(TextReader, WhatIsNoTextIsNamed) {
+  const TempFolder folder;
+  WriteFileAtomically(folder / "a", std::string("a\0b", 3));
+  EXPECT_THAT(ThrownMessage<IoError>([&] { TextReader(folder / "a"); }),
+              HasSubstr("is no text file"));
+}
+
 TEST(TextReader, ErrorsNameFileLineAndWord) {
   const TempFolder folder;
   WriteFileAtomically(folder / "a", "1\nx 1e999 9999999999999999999 inf\n");
