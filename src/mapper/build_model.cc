@@ -178,6 +178,18 @@ BuiltModel BuildBest(StageContext& context, std::span<const image_t> component,
   return best;
 }
 
+// Leaves the largest of the parts that hang together. Others become models of their own.
+void TakeApart(StageContext& context, const ViewGraph& graph, Reconstruction& model) {
+  ModelStage stage(context, "parts_apart");
+  const std::vector<std::set<image_t>> parts = FindApart(graph, model);
+  for (const std::set<image_t>& part : parts) {
+    stage.Record("joined with the model by wrong pairs alone: " +
+                 Names(context.scene, std::vector<image_t>(part.begin(), part.end())));
+    for (const image_t id : part) RemoveImage(id, model);
+  }
+  stage.Add("parts", parts.size());
+}
+
 // Intrinsics and places of the model that was chosen. False: there is not enough memory, or little
 // is left of the model, and the report has the failure.
 bool ImproveBest(StageContext& context, BuiltModel& best) {
@@ -193,6 +205,7 @@ bool ImproveBest(StageContext& context, BuiltModel& best) {
     return false;
   }
   if (!RefineWithMovedIntrinsics(context, best.graph, *best.model)) return false;
+  TakeApart(context, best.graph, *best.model);
   AdjustToPlaces(context, *best.model);
   if (!IsFit(context, *best.model)) return false;
   best.model->UpdatePointErrors(context.run.num_threads);

@@ -47,4 +47,20 @@ std::set<image_t> FindHinged(StageContext& context, const ViewGraph& graph,
   return hinged;
 }
 
+std::vector<std::set<image_t>> FindApart(const ViewGraph& graph, const Reconstruction& model) {
+  const ImageNodes images(model.images);
+  std::vector<GraphEdge> joined;
+  for (const ViewEdge& edge : graph.edges) {
+    if (edge.IsActive() && IsWithin(edge, model)) joined.push_back(images.EdgeOf(edge));
+  }
+  for (const auto& [id, point] : model.points3D) {
+    for (const TrackElement& element : point.track) {
+      joined.push_back(images.EdgeOf(point.track.front().image_id, element.image_id));
+    }
+  }
+  std::vector<std::set<image_t>> parts = images.ConnectedBy(joined);
+  if (!parts.empty()) parts.erase(parts.begin());
+  return parts;
+}
+
 }  // namespace cairn

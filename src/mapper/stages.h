@@ -372,6 +372,9 @@ int NumSharedPoints(const ViewEdge& edge, const FeatureMatches& matches,
 // ones, while they are fewer than half of the images.
 std::set<image_t> FindHinged(StageContext& context, const ViewGraph& graph,
                              const Reconstruction& model);
+// Parts, but for the largest, that neither pairs in use nor points join with others: nothing tells
+// where they are beside these.
+std::vector<std::set<image_t>> FindApart(const ViewGraph& graph, const Reconstruction& model);
 
 // place_part.cc
 // These images of a part of a model, with the points that two of the part see.

@@ -153,9 +153,9 @@ bool SearchPairs(Views views, const TriangulationOptions& options, Eigen::Vector
 }  // namespace
 
 void TriangulationOptions::VisitFields(OptionVisitor& v) {
-  v.Double("max_error_px", max_error_px, {0, 1e6},
+  v.Double("max_error_px", max_error_px, {0},
            "largest reprojection error, pixels; in proportion for photographs larger than 3200 px");
-  v.Double("max_error_sigmas", max_error_sigmas, {0, 1e6},
+  v.Double("max_error_sigmas", max_error_sigmas, {0},
            "and in standard deviations of the observation, once they are known");
   v.Double("min_angle_deg", min_angle_deg, {0, 180},
            "smallest angle that two rays of a point must reach, degrees");

@@ -46,6 +46,30 @@ TEST(Hinged, APartThatASingleImageJoinsWithTheRestIsFound) {
   EXPECT_EQ(FindHinged(scene.context, scene.graph, scene.model), (std::set<image_t>{8, 9, 10}));
 }
 
+// First the points, then not even these join images 8 to 10 with the others, then one pair does.
+TEST(FindApart, PartsThatNeitherPairsNorPointsJoin) {
+  IncompleteModel scene({});
+  const auto apart = [&] { return FindApart(scene.graph, scene.model); };
+  ViewEdge* across = nullptr;
+  for (ViewEdge& edge : scene.graph.edges) {
+    if (edge.image_id1 >= 8 || edge.image_id2 < 8) continue;
+    across = &edge;
+    edge.removal = EdgeRemoval::kModelInconsistent;
+  }
+  EXPECT_TRUE(apart().empty());
+  const std::map<point3D_t, Point3D> points = scene.model.points3D;
+  for (const auto& [id, point] : points) {
+    const auto is_of_part = [](const TrackElement& element) { return element.image_id >= 8; };
+    if (std::ranges::any_of(point.track, is_of_part) &&
+        !std::ranges::all_of(point.track, is_of_part)) {
+      scene.model.RemovePoint3D(id);
+    }
+  }
+  EXPECT_THAT(apart(), ElementsAre(std::set<image_t>{8, 9, 10}));
+  across->removal = EdgeRemoval::kNone;
+  EXPECT_TRUE(apart().empty());
+}
+
 TEST(JudgeModel, NamesImagesWithLongerFocalLengthsThanLensesHave) {
   IncompleteModel scene({});
   const camera_t id = scene.model.images.at(3).image.camera_id;

@@ -1,6 +1,7 @@
 // Places in one database that share neither pairs nor cameras.
 #include <algorithm>
 
+#include "cairn/math/so3.h"
 #include "support/test.h"
 #include "support/test_monitor.h"
 #include "unit/mapper/camera_each.h"
@@ -128,6 +129,20 @@ Database PlacesOfOneCamera(int num_images1, int num_images2) {
     both.WriteImage(image);
   }
   return both;
+}
+
+// Of one pair, pose and matches mean nothing.
+TEST(Parts, AreNotHeldTogetherByAWrongPair) {
+  Database database = PlacesOfOneCamera(12, 10);
+  TwoViewGeometry wrong = *database.ReadTwoViewGeometry(ImagePairToPairId(1001, 1002));
+  wrong.cam2_from_cam1 = Rigid3d(ExpSO3({0.3, 1.0, 0.2}), Eigen::Vector3d::UnitX());
+  wrong.inlier_matches.clear();
+  for (point2D_t k = 0; k < 200; ++k) wrong.inlier_matches.push_back({k, 7 * k % 201});
+  database.WriteTwoViewGeometry(ImagePairToPairId(1003, 2003), wrong);
+  const ReconstructResult result = Reconstruct(database);
+  ASSERT_EQ(result.models.size(), 2u) << ToJson(result.report);
+  EXPECT_EQ(result.models[0].images.size(), 12u);
+  EXPECT_EQ(result.models[1].images.size(), 10u);
 }
 
 // Of one camera whose focal length is a guess: the smaller model alone finds another.

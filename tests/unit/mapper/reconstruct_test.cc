@@ -132,6 +132,13 @@ TEST(Reconstruct, RefusesOptionsOfAnyStageBeforeAnyWork) {
   expect("resection.min_num_inliers", [](auto& s) { s.resection.min_num_inliers = -1; });
 }
 
+// The first rounds allow larger errors.
+TEST(Reconstruct, TakesThresholdsAsLargeAsOneLikes) {
+  ReconstructSettings settings;
+  settings.triangulation.max_error_px = settings.triangulation.max_error_sigmas = 1e6;
+  EXPECT_EQ(Reconstruct(MakeDatabase(MakeScene(SmallScene(), 2)), settings).models.size(), 1u);
+}
+
 TEST(Reconstruct, GivesEqualBytesForAnyNumberOfThreads) {
   const Database database = MakeDatabase(MakeScene(SmallScene(), 4));
   const Reconstruction one = Reconstruct(database).models.at(0);
