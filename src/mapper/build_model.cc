@@ -251,6 +251,7 @@ LooseGroup FindLoose(StageContext& context, const Reconstruction& model) {
 // Do other pairs put them elsewhere?
 void PlaceLooseGroup(StageContext& context, std::span<const image_t> component,
                      const ViewGraph& graph, BuiltModel& best) {
+  if (!context.scene.tried_pairs) return;
   const LooseGroup group = FindLoose(context, *best.model);
   if (!group.IsLoose()) return;
   BuiltModel other = BuildImproved(context, component, WithoutPairsOf(group, best.graph, graph));

@@ -2,6 +2,7 @@
 #include <cmath>
 
 #include "base/text.h"
+#include "cairn/math/decompositions.h"
 #include "cairn/math/median.h"
 #include "mapper/stages.h"
 #include "view_graph/symmetry.h"
@@ -72,6 +73,24 @@ std::vector<image_t> ImagesWithoutPosition(const Reconstruction& model, const Ru
     if (!std::isfinite(confidence.position_sigma)) images.push_back(id);
   }
   return images;
+}
+
+// Images that lie upside down beside the others. Photographs are taken upright, or on their side:
+// of upright ones the x axes lie in one plane. Axes that hardly differ tell none.
+std::vector<image_t> ImagesUpsideDown(const Reconstruction& model) {
+  Eigen::Matrix3d spread = Eigen::Matrix3d::Zero();
+  for (const auto& [id, image] : model.images) {
+    const Eigen::Vector3d x = image.cam_from_world.RotationMatrix().row(0);
+    spread += x * x.transpose() / static_cast<double>(model.images.size());
+  }
+  const auto axes = SymmetricEigen<3>(spread);
+  if (axes.values[1] < 0.05 || axes.values[0] > 0.1 * axes.values[1]) return {};
+  std::vector<image_t> one, other;
+  for (const auto& [id, image] : model.images) {
+    const double y = image.cam_from_world.RotationMatrix().row(1).dot(axes.vectors.col(0));
+    if (std::abs(y) > 0.5) (y > 0 ? one : other).push_back(id);
+  }
+  return one.size() < other.size() ? one : other;
 }
 
 double FocalInSides(const Camera& camera) {
@@ -190,6 +209,12 @@ std::vector<ResultWarning> JudgeModel(StageContext& context, const BuiltModel& b
     warn({"where they were taken is open, since their points do not tell (" +
               std::to_string(open.size()) + "): " + Names(context.scene, open),
           "look at these, or add photos that overlap with them"});
+  }
+  if (const std::vector<image_t> down = ImagesUpsideDown(model); !down.empty()) {
+    warn({"upside down beside the others (" + std::to_string(down.size()) +
+              "): " + Names(context.scene, down),
+          "if they were not taken so, something that looks the same when turned round put them "
+          "there: build_view_graph --features.estimate_upright 1 matches upright photos alone"});
   }
   if (const std::vector<image_t> far = ImagesOfLongFocals(context, model); !far.empty()) {
     const Camera& camera = model.CameraOf(model.images.at(far.front()));

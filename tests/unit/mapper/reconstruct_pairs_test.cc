@@ -2,6 +2,7 @@
 #include <algorithm>
 
 #include "cairn/base/rng.h"
+#include "cairn/geometry/epipolar.h"
 #include "cairn/mapper/reconstruct.h"
 #include "cairn/math/angles.h"
 #include "cairn/math/so3.h"
@@ -210,6 +211,37 @@ TEST(Reconstruct, ManyFramesFromOnePlaceAreNoCollapse) {
   const ReconstructResult result = Reconstruct(database);
   ASSERT_EQ(result.models.size(), 1u) << result.report.failure;
   EXPECT_EQ(result.models[0].images.size(), 22u);
+}
+
+TEST(Reconstruct, NamesImagesThatLieUpsideDown) {
+  const SyntheticScene scene = MakeScene(SmallScene(), 7);
+  Database database = MakeDatabase(scene);
+  const auto warnings = [&] {
+    const ReconstructResult result = Reconstruct(database);
+    EXPECT_EQ(result.models.at(0).images.size(), 10u);
+    std::vector<std::string> found;
+    for (const ResultWarning& w : result.report.warnings) {
+      if (w.what.find("upside down") != std::string::npos) found.push_back(w.what);
+    }
+    return found;
+  };
+  EXPECT_THAT(warnings(), IsEmpty());
+  const Image &one = scene.images.at(3), &other = scene.images.at(8);
+  const std::set<image_t> turned = {one.image_id, other.image_id};
+  for (const image_t id : turned) {
+    const Camera& camera = scene.cameras.at(one.camera_id);
+    MoveKeypoints(scene, id, database, [&](const Eigen::Vector2d& pixel) -> Eigen::Vector2d {
+      return Eigen::Vector2d(camera.width, camera.height) - pixel;
+    });
+  }
+  const Rigid3d half_turn(Eigen::Quaterniond(0, 0, 0, 1), Eigen::Vector3d::Zero());
+  ChangeGeometries(database, [&](image_t id1, image_t id2, TwoViewGeometry& geometry) {
+    Rigid3d& pose = geometry.cam2_from_cam1.value();
+    if (turned.contains(id1)) pose = pose * half_turn;
+    if (turned.contains(id2)) pose = half_turn * pose;
+    geometry.E = EssentialFromPose(pose);
+  });
+  EXPECT_THAT(warnings(), ElementsAre(HasSubstr("(2): " + one.name + ", " + other.name)));
 }
 
 TEST(Reconstruct, NamesImagesThatASmallPartHolds) {
