@@ -236,8 +236,18 @@ ViewGraph WithoutPairsOf(const LooseGroup& group, const ViewGraph& of_model, Vie
   return graph;
 }
 
-// A model with as many images and nearly as much evidence is taken where its images match better.
-constexpr double kNearly = 0.95;
+// As many images, and nearly as many pairs in use: the matches of a pair that sees what looks alike
+// hang together.
+bool UsesAsMuch(const BuiltModel& other, const BuiltModel& best) {
+  constexpr double kNearly = 0.95;
+  const auto num_pairs = [](const BuiltModel& built) {
+    return static_cast<double>(std::ranges::count_if(built.graph.edges, [&](const ViewEdge& edge) {
+      return edge.IsActive() && IsWithin(edge, *built.model);
+    }));
+  };
+  return other.model->images.size() >= best.model->images.size() &&
+         num_pairs(other) >= kNearly * num_pairs(best);
+}
 
 LooseGroup FindLoose(StageContext& context, const Reconstruction& model) {
   ModelStage stage(context, "loose_group");
@@ -256,9 +266,7 @@ void PlaceLooseGroup(StageContext& context, std::span<const image_t> component,
   if (!group.IsLoose()) return;
   BuiltModel other = BuildImproved(context, component, WithoutPairsOf(group, best.graph, graph));
   context.report.failure.clear();
-  if (other.model && other.model->images.size() >= best.model->images.size() &&
-      other.evidence.nats >= kNearly * best.evidence.nats &&
-      !FindLoose(context, *other.model).IsLoose()) {
+  if (other.model && UsesAsMuch(other, best) && !FindLoose(context, *other.model).IsLoose()) {
     const std::vector<image_t> images(group.images.begin(), group.images.end());
     ModelStage(context, "another_place")
         .Note("images of another side that looks alike get the place that other pairs give them (" +
