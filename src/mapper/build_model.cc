@@ -258,10 +258,10 @@ LooseGroup FindLoose(StageContext& context, const Reconstruction& model) {
 }
 
 // Images of another side of a building that looks alike match the side that they are put on badly.
-// Do other pairs put them elsewhere?
+// Do other pairs put them elsewhere? (Of many groups one is always loose: at night, say.)
 void PlaceLooseGroup(StageContext& context, std::span<const image_t> component,
                      const ViewGraph& graph, BuiltModel& best) {
-  if (!context.scene.tried_pairs) return;
+  if (!context.scene.tried_pairs || !IsQuick(*best.model)) return;
   const LooseGroup group = FindLoose(context, *best.model);
   if (!group.IsLoose()) return;
   BuiltModel other = BuildImproved(context, component, WithoutPairsOf(group, best.graph, graph));
