@@ -240,10 +240,10 @@ ViewGraph WithoutPairsOf(const LooseGroup& group, const ViewGraph& of_model, Vie
 // hang together.
 bool UsesAsMuch(const BuiltModel& other, const BuiltModel& best) {
   constexpr double kNearly = 0.95;
-  const auto num_pairs = [](const BuiltModel& built) {
-    return static_cast<double>(std::ranges::count_if(built.graph.edges, [&](const ViewEdge& edge) {
-      return edge.IsActive() && IsWithin(edge, *built.model);
-    }));
+  const auto num_pairs = [](const BuiltModel& built) {  // twice
+    int num = 0;
+    for (const auto& [id, of_image] : NumPairsInUse(built.graph, *built.model)) num += of_image;
+    return num;
   };
   return other.model->images.size() >= best.model->images.size() &&
          num_pairs(other) >= kNearly * num_pairs(best);

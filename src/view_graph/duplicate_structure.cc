@@ -16,14 +16,9 @@
 namespace cairn {
 namespace {
 
-// Comparable points that a pair must have to be judged.
-constexpr double kMinEvidence = 30;
 // A pair contradicts where more of them lie in cells without any match than its matching rate
 // explains, by this many standard deviations.
 constexpr double kMinDeviations = 3;
-
-// Images that make a place.
-constexpr int kMinGroup = 3;
 
 // What two views show of each other: the more comparable points, the more it counts.
 struct Comparison {
@@ -111,7 +106,7 @@ struct Pair {
   double angle_deg = 0;  // between the two orientations
   Comparison comparison;
 
-  bool CanTell() const { return comparison.evidence >= kMinEvidence; }
+  bool CanTell() const { return comparison.evidence >= kMinComparable; }
   // +1: they look at one place, -1: at two, 0: they do not show enough in common to tell.
   int Vote() const {
     if (!CanTell()) return 0;
@@ -121,27 +116,18 @@ struct Pair {
 
 std::vector<Pair> ComparePairs(const Reconstruction& model, const ViewGraph& graph,
                                int num_threads) {
-  std::vector<const RegisteredImage*> images;
-  std::map<image_t, int> index_of;
-  for (const auto& [id, image] : model.images) {
-    index_of[id] = static_cast<int>(images.size());
-    images.push_back(&image);
-  }
-  std::vector<View> views(images.size());
-  ParallelFor(num_threads, std::ssize(images),
-              [&](int64_t i) { views[i] = MakeView(model, *images[i]); });
+  const Views all = MakeViews(model, num_threads);
   std::vector<Pair> pairs;
   for (size_t e = 0; e < graph.edges.size(); ++e) {
     const ViewEdge& edge = graph.edges[e];
-    const auto image1 = index_of.find(edge.image_id1);
-    const auto image2 = index_of.find(edge.image_id2);
-    if (!edge.IsActive() || image1 == index_of.end() || image2 == index_of.end()) continue;
+    const auto images = all.Find(edge.image_id1, edge.image_id2);
+    if (!edge.IsActive() || !images) continue;
     const double angle = AngleBetween(model.images.at(edge.image_id1).cam_from_world.rotation,
                                       model.images.at(edge.image_id2).cam_from_world.rotation);
-    pairs.push_back({e, image1->second, image2->second, edge.num_inliers, RadToDeg(angle), {}});
+    pairs.push_back({e, images->first, images->second, edge.num_inliers, RadToDeg(angle), {}});
   }
   ParallelFor(num_threads, static_cast<int64_t>(pairs.size()), [&](int64_t i) {
-    pairs[i].comparison = Compare(views[pairs[i].image1], views[pairs[i].image2]);
+    pairs[i].comparison = Compare(all.views[pairs[i].image1], all.views[pairs[i].image2]);
   });
   return pairs;
 }

@@ -11,10 +11,7 @@
 namespace cairn {
 namespace {
 
-// Points that both images of a pair should see of the other, for the pair to tell.
-constexpr int kMinExpected = 30;
-// Images of a group, and pairs between two, that tell.
-constexpr size_t kMinImages = 3;
+// Pairs between two groups that tell.
 constexpr int kMinPairs = 6;
 // What lies behind all that an image sees there may be hidden.
 constexpr double kHiddenBehind = 1.25;
@@ -48,9 +45,9 @@ Shared SharedInto(const View& a, const View& b) {
 // None: too few points tell.
 Shared SharedOf(const View& a, const View& b) {
   Shared shared = SharedInto(a, b);
-  if (shared.expected < kMinExpected) return {};
+  if (shared.expected < kMinComparable) return {};
   const Shared back = SharedInto(b, a);
-  if (back.expected < kMinExpected) return {};
+  if (back.expected < kMinComparable) return {};
   shared += back;
   shared.num_pairs = 1;
   return shared;
@@ -106,7 +103,7 @@ class Linkage {
 
   void Judge(int group, int other, Join& lowest) const {
     const Shared& across = to_[group].at(other);
-    if (std::min(images_[group].size(), images_[other].size()) < kMinImages) return;
+    if (std::ssize(images_[group]) < kMinGroup || std::ssize(images_[other]) < kMinGroup) return;
     if (across.num_pairs < kMinPairs) return;
     const double within = std::min(within_[group].Rate(), within_[other].Rate());
     if (across.Rate() >= lowest.relative_rate * within) return;
@@ -138,35 +135,25 @@ class Linkage {
 
 LooseGroup FindLooseGroup(const Reconstruction& model, std::span<const image_pair_t> tried,
                           const RunContext& run) {
-  std::vector<image_t> ids;
-  std::map<image_t, int> index_of;
-  for (const auto& [id, image] : model.images) {
-    index_of[id] = static_cast<int>(ids.size());
-    ids.push_back(id);
-  }
-  std::vector<View> views(ids.size());
-  ParallelFor(run.num_threads, std::ssize(ids),
-              [&](int64_t i) { views[i] = MakeView(model, model.images.at(ids[i])); });
+  const Views all = MakeViews(model, run.num_threads);
   std::vector<std::pair<int, int>> pairs;
   for (const image_pair_t pair : tried) {
     const auto [id1, id2] = PairIdToImagePair(pair);
-    const auto image1 = index_of.find(id1), image2 = index_of.find(id2);
-    if (image1 == index_of.end() || image2 == index_of.end()) continue;
-    pairs.emplace_back(image1->second, image2->second);
+    if (const auto images = all.Find(id1, id2)) pairs.push_back(*images);
   }
   std::vector<Shared> shared(pairs.size());
   ParallelFor(run.num_threads, std::ssize(pairs), [&](int64_t k) {
-    shared[k] = SharedOf(views[pairs[k].first], views[pairs[k].second]);
+    shared[k] = SharedOf(all.views[pairs[k].first], all.views[pairs[k].second]);
   });
-  Linkage linkage(ids.size());
+  Linkage linkage(all.ids.size());
   for (size_t k = 0; k < pairs.size(); ++k) {
     if (shared[k].num_pairs > 0) linkage.Add(pairs[k].first, pairs[k].second, shared[k]);
   }
   const Linkage::Join lowest = linkage.Lowest();
   LooseGroup group;
   group.relative_rate = lowest.relative_rate;
-  for (const int i : lowest.images) group.images.insert(ids[i]);
-  for (const int i : lowest.others) group.others.insert(ids[i]);
+  for (const int i : lowest.images) group.images.insert(all.ids[i]);
+  for (const int i : lowest.others) group.others.insert(all.ids[i]);
   return group;
 }
 

@@ -3,7 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "cairn/base/parallel.h"
 #include "cairn/math/angles.h"
+#include "math/sorted_order.h"
 
 namespace cairn {
 namespace {
@@ -24,19 +26,6 @@ bool IsInField(const Camera& camera, const Eigen::Vector3d& in_camera,
   const auto ray = camera.RayFromImg(pixel);
   return ray && AngleBetween(*ray, in_camera) < DegToRad(1.0);
 }
-
-}  // namespace
-
-int View::CellOf(const Eigen::Vector2d& pixel) const {
-  if (!(pixel.x() >= 0 && pixel.y() >= 0 && pixel.x() < camera->width &&
-        pixel.y() < camera->height)) {
-    return -1;
-  }
-  return static_cast<int>(pixel.y() * rows / camera->height) * columns +
-         static_cast<int>(pixel.x() * columns / camera->width);
-}
-
-bool View::Sees(point3D_t id) const { return std::binary_search(seen.begin(), seen.end(), id); }
 
 View MakeView(const Reconstruction& model, const RegisteredImage& image) {
   View view;
@@ -66,6 +55,35 @@ View MakeView(const Reconstruction& model, const RegisteredImage& image) {
   }
   std::sort(view.seen.begin(), view.seen.end());
   return view;
+}
+
+}  // namespace
+
+int View::CellOf(const Eigen::Vector2d& pixel) const {
+  if (!(pixel.x() >= 0 && pixel.y() >= 0 && pixel.x() < camera->width &&
+        pixel.y() < camera->height)) {
+    return -1;
+  }
+  return static_cast<int>(pixel.y() * rows / camera->height) * columns +
+         static_cast<int>(pixel.x() * columns / camera->width);
+}
+
+bool View::Sees(point3D_t id) const { return std::binary_search(seen.begin(), seen.end(), id); }
+
+std::optional<std::pair<int, int>> Views::Find(image_t id1, image_t id2) const {
+  for (const image_t id : {id1, id2}) {
+    if (!std::binary_search(ids.begin(), ids.end(), id)) return std::nullopt;
+  }
+  return std::make_pair(IndexIn(ids, id1), IndexIn(ids, id2));
+}
+
+Views MakeViews(const Reconstruction& model, int num_threads) {
+  Views all;
+  for (const auto& [id, image] : model.images) all.ids.push_back(id);
+  all.views.resize(all.ids.size());
+  ParallelFor(num_threads, std::ssize(all.ids),
+              [&](int64_t i) { all.views[i] = MakeView(model, model.images.at(all.ids[i])); });
+  return all;
 }
 
 std::optional<Expected> ExpectIn(const View& b, const View& a, const Eigen::Vector3d& xyz) {

@@ -26,7 +26,20 @@ struct View {
   bool Sees(point3D_t id) const;
 };
 
-View MakeView(const Reconstruction& model, const RegisteredImage& image);
+// Images that make a group.
+inline constexpr int kMinGroup = 3;
+// Comparable points that two images must have, for the pair to tell.
+inline constexpr int kMinComparable = 30;
+
+// Of all images of a model, ascending by id.
+struct Views {
+  std::vector<image_t> ids;
+  std::vector<View> views;
+
+  // Indices of the two; nullopt: not both are in the model.
+  std::optional<std::pair<int, int>> Find(image_t id1, image_t id2) const;
+};
+Views MakeViews(const Reconstruction& model, int num_threads);
 
 // A point of an image where another should see it.
 struct Expected {
