@@ -19,6 +19,7 @@ struct CalibratedResult {
   // Many cameras must explain so much more than one camera for all.
   double least_gain = 0;
   std::set<image_t> left_exif;
+  std::optional<Calibration> calibration;  // where the models are quick to build once more
 
   double Score() const {
     return result.evidence_nats - least_gain * std::max(0.0, result.evidence_nats);
@@ -41,6 +42,7 @@ CalibratedResult ReconstructCalibrated(const SceneData& scene,
         ImagesThatLeftExif(scene, settings.focal_calibration.exif_sigma, result.models);
   }
   result.graph = std::move(graph.graph);
+  if (std::ranges::all_of(result.models, IsQuick)) calibrated.calibration = scene;
   return calibrated;
 }
 
@@ -74,10 +76,10 @@ class CalibrationSearch {
   }
 
   // Reconstructs by the scene's calibration, which is better than the best so far if its score is
-  // more than this share of the best one's.
-  void Try(double least_share = 1) {
+  // more than this share of the best one's. Returns whether it is.
+  bool Try(double least_share = 1) {
     const bool is_first = choice_.messages.empty();
-    if (!is_first && run_.monitor.StopRequested()) return;
+    if (!is_first && run_.monitor.StopRequested()) return false;
     if (!is_first) run_.monitor.Info("once more, with " + scene_.origin);
     CalibratedResult result = ReconstructCalibrated(scene_, {}, settings_, run_);
     if (may_share_ && scene_.stored_cameras.empty()) {
@@ -85,11 +87,22 @@ class CalibrationSearch {
     }
     choice_.messages.push_back(std::to_string(std::llround(result.result.evidence_nats)) +
                                " nats of evidence with " + scene_.origin);
-    if (is_first || result.Score() > least_share * best_.Score()) std::swap(result, best_);
+    const bool is_best = is_first || result.Score() > least_share * best_.Score();
+    if (is_best) std::swap(result, best_);
     Keep(result);
+    return is_best;
   }
 
   const CalibratedResult& best() const { return best_; }
+
+  // Once more with the intrinsics of the best models, as long as that explains more: where focal
+  // lengths are guessed, or of photographs that were cropped, pairs have poses of the wrong ones.
+  void TryFound() {
+    while (best_.calibration && !ExplainsAll()) {
+      static_cast<Calibration&>(scene_) = *best_.calibration;
+      if (!TakeIntrinsics(best_.result.models, run_, scene_) || !Try(1 + kModelErrors)) break;
+    }
+  }
 
   // Whether the scene's cameras are worth models of their own, where the best models have one
   // camera for many images: with these cameras they have more evidence, or there are none.
@@ -133,6 +146,15 @@ class CalibrationSearch {
   }
 
  private:
+  // But for what camera models leave out.
+  bool ExplainsAll() const {
+    double num_matches = 0;
+    for (const auto& [pair_id, matches] : scene_.matches) {
+      num_matches += static_cast<double>(matches.size());
+    }
+    return static_cast<double>(best_.result.num_explained) >= (1 - kModelErrors) * num_matches;
+  }
+
   // What separate cameras must explain more, if these models have them.
   double LeastGain(std::span<const Reconstruction> models) const {
     return PairsConfirmFocals(scene_, models) ? kModelErrors : kAbsorbedErrors;
@@ -216,6 +238,7 @@ PartResult SearchCalibration(const std::vector<std::set<image_t>>& of_one,
     Calibrate(settings, run, report, scene);
     search.Try(1 - kModelErrors);
   }
+  search.TryFound();
   return search.Finish();
 }
 

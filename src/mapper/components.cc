@@ -115,6 +115,7 @@ void TakeIn(StageContext& context, BuiltModel built, SceneModels& result) {
   result.keeps_frame.push_back(built.keeps_frame);
   result.warnings.push_back(std::move(warnings));
   result.evidence_nats += built.evidence.nats;
+  result.num_explained += built.evidence.inside.num_explained;
 }
 
 // Input models stay as they are, also where new photographs join them.

@@ -19,9 +19,8 @@ bool RefinesExif(const Camera& camera, const SceneData& scene) {
 std::set<image_t> ImagesThatLeftExif(const SceneData& scene, double exif_sigma,
                                      std::span<const Reconstruction> models) {
   std::set<image_t> left;
-  size_t num_images = 0;
   for (const Reconstruction& model : models) {
-    num_images += model.images.size();
+    std::set<image_t> of_model;
     for (const auto& [id, image] : model.images) {
       const Camera& known = scene.CameraOf(id);
       if (!RefinesExif(known, scene)) continue;
@@ -34,10 +33,10 @@ std::set<image_t> ImagesThatLeftExif(const SceneData& scene, double exif_sigma,
         exif = found.focal_before_px;
         if (!AreFar(focal, found.focal_px, found.sigma)) continue;
       }
-      if (AreFar(focal, exif, exif_sigma)) left.insert(id);
+      if (AreFar(focal, exif, exif_sigma)) of_model.insert(id);
     }
+    if (2 * of_model.size() > model.images.size()) left.merge(of_model);
   }
-  if (2 * left.size() <= num_images) left.clear();
   return left;
 }
 

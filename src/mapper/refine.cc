@@ -70,10 +70,9 @@ void Adjust(StageContext& context, const Round& round, Reconstruction& model) {
   scope.distortions = round.distortions;
   scope.principal_points = !round.free_principal_points.empty();
   scope.fixed_cameras = context.ConstantCameras(model);
-  for (const auto& [id, camera] : context.scene.cameras) {
-    const auto adjusted = model.cameras.find(id);
-    if (adjusted == model.cameras.end()) continue;
-    scope.priors[id] = PriorOf(context, round, id, ByLens(camera, adjusted->second.model));
+  for (const auto& [id, camera] : model.cameras) {
+    scope.priors[id] =
+        PriorOf(context, round, id, ByLens(context.scene.KnownCamera(id), camera.model));
   }
   if (round.places != nullptr) {
     scope.image_positions = round.places->images;
@@ -266,7 +265,7 @@ bool RefineModel(StageContext& context, std::span<const Track> tracks, RefineSta
     Reconstruction candidate{model.cameras, model.images, {}};
     TriangulateRound(context, round, candidate);
     const int64_t num_observations = candidate.NumObservations();
-    if (static_cast<double>(num_observations) < (1.0 + kMinGain) * num_known) break;
+    if (static_cast<double>(num_observations) <= (1.0 + kMinGain) * num_known) break;
     num_known = num_observations;
     model = std::move(candidate);
     Adjust(context, round, model);

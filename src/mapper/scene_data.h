@@ -27,8 +27,15 @@ struct Calibration {
   std::vector<ViewEdge> edges;
   std::map<image_t, camera_t> stored_cameras;  // of images that share one by ShareCamera
   std::map<camera_t, CalibratedFocal> focals_by_pairs;
-  std::map<camera_t, double> held_focals;  // standard deviations, as logarithms (HoldExif)
-  std::string origin;                      // in words
+  std::map<camera_t, double> held_focals;    // standard deviations, as logarithms (HoldExif)
+  std::map<camera_t, Camera> before_models;  // cameras of finished models, before (TakeIntrinsics)
+  std::string origin;                        // in words
+
+  // By what is known without models.
+  const Camera& KnownCamera(camera_t id) const {
+    const auto before = before_models.find(id);
+    return before != before_models.end() ? before->second : cameras.at(id);
+  }
 };
 
 // What holds for all images of a database.

@@ -77,6 +77,7 @@ struct SceneModels {
   std::vector<bool> keeps_frame;                     // likewise
   std::vector<WithoutModel> without_model;
   double evidence_nats = 0;
+  int64_t num_explained = 0;  // matches
 };
 // The same with what became of the pairs, and the report.
 struct PartResult : SceneModels {
@@ -143,7 +144,7 @@ void TurnBack(const std::set<image_t>& turned, const SceneData& scene, PartResul
 // Whether EXIF has the camera's focal length, and bundle adjustment may change it.
 bool RefinesExif(const Camera& camera, const SceneData& scene);
 // The images whose focal lengths in the models are more than three standard deviations off EXIF's,
-// and off what the pairs found in place of it; none if most images of the models are not of these.
+// and off what the pairs found in place of it; of models whose images mostly are such.
 std::set<image_t> ImagesThatLeftExif(const SceneData& scene, double exif_sigma,
                                      std::span<const Reconstruction> models);
 // Holds the focal lengths of these images' cameras, EXIF's, so that to leave them by three standard
@@ -424,6 +425,10 @@ struct ReverifiedPairs {
 };
 ReverifiedPairs VerifyAgain(StageContext& context, const Reconstruction& model,
                             const ViewGraph& graph);
+// Where models moved the rays of cameras as far, these get their intrinsics, and their pairs poses
+// by these. False: nowhere.
+bool TakeIntrinsics(std::span<const Reconstruction> models, const RunContext& run,
+                    SceneData& scene);
 // Refines the model once more with these, if they bring many matches, and unless it would lose
 // images by it. False: there is not enough memory, and the report has the failure.
 bool RefineWithMovedIntrinsics(StageContext& context, const ViewGraph& graph,

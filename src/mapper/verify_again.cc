@@ -34,7 +34,7 @@ ReverifiedPairs VerifyAgain(StageContext& context, const Reconstruction& model,
   ReverifiedPairs result;
   std::set<camera_t> moved;
   for (const auto& [id, camera] : model.cameras) {
-    if (HasMoved(context.scene.cameras.at(id), camera)) moved.insert(id);
+    if (HasMoved(context.scene.KnownCamera(id), camera)) moved.insert(id);
   }
   if (moved.empty() || !context.scene.raw_matches) return result;
   ModelStage stage(context, "verification");
@@ -69,6 +69,28 @@ ReverifiedPairs VerifyAgain(StageContext& context, const Reconstruction& model,
   stage.Add("pairs", edges.size());
   stage.Add("matches_gained", result.num_gained);
   return result;
+}
+
+bool TakeIntrinsics(std::span<const Reconstruction> models, const RunContext& run,
+                    SceneData& scene) {
+  std::set<camera_t> moved;
+  for (const Reconstruction& model : models) {
+    for (const auto& [id, image] : model.images) {
+      Camera& camera = scene.cameras.at(scene.CameraIdOf(id));
+      if (scene.constant_cameras.contains(camera.camera_id)) continue;
+      Camera found = model.CameraOf(image);
+      found.camera_id = camera.camera_id;
+      found.has_prior_focal_length = camera.has_prior_focal_length;
+      if (moved.contains(camera.camera_id) || !HasMoved(camera, found)) continue;
+      scene.before_models.try_emplace(camera.camera_id, camera);
+      moved.insert(camera.camera_id);
+      camera = std::move(found);
+    }
+  }
+  if (moved.empty()) return false;
+  ImproveRelativePoses(ReadGeometriesOf(moved, scene), run, scene);
+  scene.origin = "the intrinsics of the best models before";
+  return true;
 }
 
 bool RefineWithMovedIntrinsics(StageContext& context, const ViewGraph& graph,

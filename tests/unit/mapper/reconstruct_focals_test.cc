@@ -298,7 +298,6 @@ TEST(Reconstruct, LoopsThatDoNotDecideRejectNothing) {
   ASSERT_NE(stage, nullptr);
   EXPECT_EQ(Value(*stage, "calibrated"), 2);
   EXPECT_EQ(Value(*stage, "rejected_by_loops"), 0);
-  EXPECT_EQ(FindStage(report, "calibration_choice"), nullptr);
 }
 
 // Stored poses of pairs with fundamental matrices: verification tried other focal lengths for them,
@@ -478,6 +477,32 @@ TEST(Reconstruct, EvidenceOverrulesExif) {
   EXPECT_THAT(choice->messages, Contains(HasSubstr("focal lengths held at EXIF's")));
   ASSERT_EQ(result.models.size(), 1u);
   ExpectFocals(result.models.front(), scene, 1.0, 0.01);
+}
+
+// Photographs of many cameras, cropped: EXIF's focal lengths are wrong by up to a half, pairs are
+// not sure of others, and have poses by these.
+TEST(Reconstruct, PairsGetPosesByTheFocalLengthsOfModels) {
+  SceneOptions options = SmallScene();
+  options.num_images = options.num_cameras = 16;
+  options.num_points = 200;
+  options.pair_outlier_ratio = 0.3;
+  options.image_noise_px = 2;
+  SyntheticScene scene = MakeScene(options, 4);
+  const Reconstruction truth = scene.truth;
+  Rng rng(1);
+  for (auto& [id, camera] : scene.cameras) {
+    camera.SetMeanFocal(std::exp(rng.Uniform(-0.4, 0.4)) * camera.MeanFocal());
+    camera.has_prior_focal_length = true;
+  }
+  const ReconstructResult result = Reconstruct(MakeDatabase(scene));
+  const StageReport* choice = FindStage(result.report, "calibration_choice");
+  ASSERT_NE(choice, nullptr);
+  EXPECT_EQ(choice->messages.back(),
+            "the models are those with the intrinsics of the best models before");
+  EXPECT_GT(Value(*choice, "evidence_nats"), 1.02 * std::stod(choice->messages.front()));
+  ASSERT_EQ(result.models.size(), 1u);
+  EXPECT_EQ(result.models[0].images.size(), 16u);
+  EXPECT_LT(RadToDeg(CompareAligned(result.models[0], truth).angle), 1);
 }
 
 }  // namespace

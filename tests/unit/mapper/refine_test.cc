@@ -40,6 +40,69 @@ TEST(RefineModel, MatchesThatMovedIntrinsicsBringCostNoImages) {
   EXPECT_EQ(scene.model.NumObservations(), before.NumObservations());
 }
 
+TEST(RefineModel, NothingIsDoneForAModelWithoutImages) {
+  IncompleteModel scene({});
+  const std::vector<Track> tracks = TracksOfGraph(scene.context, scene.graph).tracks;
+  scene.model = {};
+  EXPECT_FALSE(RefineModel(scene.context, tracks, RefineStart::kChanged, scene.model));
+  EXPECT_EQ(FindStage(scene.report, "bundle_adjustment"), nullptr);
+}
+
+double MeanRotationErrorDeg(const IncompleteModel& scene) {
+  double sum = 0;
+  for (const ViewEdge& edge : scene.scene.edges) {
+    const Rigid3d pose = scene.truth.images.at(edge.image_id2).cam_from_world *
+                         Inverse(scene.truth.images.at(edge.image_id1).cam_from_world);
+    sum += RadToDeg(AngleBetween(pose.rotation, edge.cam2_from_cam1.rotation));
+  }
+  return sum / static_cast<double>(scene.scene.edges.size());
+}
+
+// Of focal lengths that are wrong by a third, and of those that a model found for all but two
+// photographs. What was known of cameras stays known.
+TEST(TakeIntrinsics, GivesPairsPosesByWhatModelsFound) {
+  IncompleteModel scene({1, 2});
+  SceneData& data = scene.scene;
+  data.edges = scene.graph.edges;
+  data.stored_geometry = [](image_pair_t) { return TwoViewGeometry(); };
+  std::set<camera_t> all;
+  for (auto& [id, camera] : data.cameras) {
+    camera.SetMeanFocal(1.3 * camera.MeanFocal());
+    all.insert(id);
+  }
+  data.constant_cameras = {data.CameraIdOf(3)};
+  ImproveRelativePoses(ReadGeometriesOf(all, data), kOneThread, data);
+  const double before_deg = MeanRotationErrorDeg(scene);
+  const std::map<camera_t, Camera> known = data.cameras;
+
+  ASSERT_TRUE(TakeIntrinsics({&scene.model, 1}, kOneThread, data));
+  EXPECT_LT(MeanRotationErrorDeg(scene), 0.7 * before_deg);
+  for (const auto& [id, image] : scene.truth.images) {
+    const camera_t camera_id = data.CameraIdOf(id);
+    const bool is_found = id > 3;
+    EXPECT_EQ(data.cameras.at(camera_id).params,
+              is_found ? scene.model.cameras.at(camera_id).params : known.at(camera_id).params);
+    EXPECT_EQ(data.KnownCamera(camera_id).params, known.at(camera_id).params);
+  }
+  EXPECT_FALSE(TakeIntrinsics({&scene.model, 1}, kOneThread, data));
+}
+
+// A place whose photographs mostly left it, beside a larger one where one did.
+TEST(ImagesThatLeftExif, AreThoseOfModelsThatMostlyDid) {
+  IncompleteModel scene({});
+  std::vector<Reconstruction> models(2, scene.model);
+  for (const image_t id : {1, 2, 3, 4}) RemoveImage(id, models[0]);
+  for (const image_t id : {5, 6, 7, 8, 9, 10}) RemoveImage(id, models[1]);
+  const auto leave = [&](image_t id, Reconstruction& model) {
+    Camera& camera = model.cameras.at(scene.scene.CameraIdOf(id));
+    camera.SetMeanFocal(2 * camera.MeanFocal());
+  };
+  leave(5, models[0]);
+  EXPECT_TRUE(ImagesThatLeftExif(scene.scene, 0.1, models).empty());
+  for (const image_t id : {1, 2, 3}) leave(id, models[1]);
+  EXPECT_EQ(ImagesThatLeftExif(scene.scene, 0.1, models), (std::set<image_t>{1, 2, 3}));
+}
+
 // A walk past a wall, before a skyline that every image shows: images from x = 0 to 5.5 look along
 // y at points nearby, and at num_far ones far away.
 struct Walk {
