@@ -126,7 +126,7 @@ std::vector<UnknownCamera> Database::ReadUnknownCameras() const {
   std::vector<UnknownCamera> cameras;
   Query query(*impl_, sql::kReadCameras);
   while (query.Step()) {
-    if (CameraModelFromId(query.Int<int>(1))) continue;
+    if (ReadCameraRow(query).is_known_model) continue;
     cameras.push_back({.camera_id = query.Int<camera_t>(0),
                        .model_id = query.Int(1),
                        .width = query.Int<int>(2),

@@ -106,6 +106,8 @@ std::vector<ResultWarning> WarningsOf(const Georegistration& found) {
   };
   warn("measurements of control points outside of their photographs", found.outside,
        "are they pixels of photographs of another size?");
+  warn("control points that only one photograph shows, not used", found.shown_once,
+       "measure them in others, too");
   warn("control points whose measurements do not meet in the model, not used", found.unlocated,
        "is one of their photographs another point's?");
   if (!found.by_control_points) {

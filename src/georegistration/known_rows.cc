@@ -44,8 +44,8 @@ struct LocatedPoint {
   std::map<image_t, Eigen::Vector2d> pixels;  // of the images that agree
 };
 
-// Triangulated from its measurements (with the usual thresholds); nullopt: fewer than two images of
-// the model show it, or they contradict each other (it is named in `out`).
+// Triangulated from its measurements (with the usual thresholds); nullopt: no image of the model
+// shows it, or `out` says what is wrong with it.
 std::optional<LocatedPoint> LocatePoint(const Reconstruction& model,
                                         const std::map<std::string, image_t>& ids,
                                         const ControlPoint& point, Georegistration& out) {
@@ -64,6 +64,7 @@ std::optional<LocatedPoint> LocatePoint(const Reconstruction& model,
     views.images[id->second] = {image.image, image.cam_from_world, {pixel}, {kInvalidPoint3DId}};
     track.push_back({id->second, 0});
   }
+  if (track.size() == 1) out.shown_once.push_back(point.name);
   if (track.size() < 2) return std::nullopt;
   std::sort(track.begin(), track.end());
   TriangulateTracks({&track, 1}, views, {}, {.num_threads = 1});

@@ -102,7 +102,6 @@ class Problem {
     return variable < 0 ? 0.0 : x[variable];
   }
 
-  void Scan();
   void ScanTerm(Term& term) const;
   Eigen::VectorXd BestOfScan() const;
   Distortions StartFrom(Eigen::VectorXd x);
@@ -162,10 +161,6 @@ void Problem::ScanTerm(Term& term) const {
     term.scan_costs[i] = term.pair.Refine(scale_px, kScanIterations, &F);
     term.scan_fits[i] = F;
   }
-}
-
-void Problem::Scan() {
-  ForTerms([this](Term& term) { ScanTerm(term); });
 }
 
 Eigen::VectorXd Problem::BestOfScan() const {
@@ -320,7 +315,7 @@ DistortionCalibrationReport Problem::TakeSignificant(Distortions at) {
 
 DistortionCalibrationReport Problem::Solve() {
   if (terms_.empty()) return {};
-  Scan();
+  ForTerms([this](Term& term) { ScanTerm(term); });
   constexpr LevenbergMarquardtOptions kOptions{kMaxSteps, kMinRelativeGain};
   Distortions at = StartFrom(BestOfScan());
   Minimize(*this, kOptions, &at);

@@ -227,8 +227,7 @@ CameraLens MakeLens(const Camera& camera, const CalibratedDistortion* distortion
                     const CalibratedFocal* focal) {
   CameraLens lens;
   double factor = 1.0;
-  if (focal != nullptr && focal->status == FocalStatus::kCalibrated &&
-      focal->sigma <= kKnownSigma) {
+  if (focal != nullptr && IsKnown(*focal)) {
     lens.focal_px = focal->focal_px;
     lens.focal_sigma = focal->sigma;
     lens.is_focal_known = true;

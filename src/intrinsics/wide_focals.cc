@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <set>
 
 #include "base/text.h"
 #include "cairn/base/error.h"
@@ -37,26 +36,26 @@ struct WidePair {
 class WideFocalFinder {
  public:
   WideFocalFinder(Database& database, const TwoViewOptions& options, const RunContext& run)
-      : database_(database), options_(options), run_(run) {}
+      : database_(database),
+        options_(options),
+        run_(run),
+        known_(ReadKnownIntrinsics(database)),
+        camera_of_(CamerasOfImages(database)) {
+    for (const auto& [id, known] : known_) {
+      cameras_[id] = known.camera;
+      lens_of_[id] = id;
+    }
+  }
 
   std::vector<std::string> Run() {
     std::map<camera_t, std::vector<camera_t>> open;  // by the camera that stands for the lens
-    const SharedLenses shared = FindSharedLenses(database_);
-    for (const auto& [id, known] : ReadKnownIntrinsics(database_)) {
-      const Camera& camera = cameras_[id] = known.camera;
-      const auto lens = shared.find(id);
-      lens_of_[id] = lens == shared.end() ? id : lens->second;
-      if (known.HasLearned()) {
-        learned_.insert(id);
-      } else if (known.lens) {
-        num_pairs_[lens_of_[id]] = known.lens->num_pairs;
-      }
-      const bool is_open = !camera.IsPlanar() && !camera.has_prior_focal_length &&
-                           !camera.FocalIndices().empty() && !known.HasLearned();
-      if (is_open) open[lens_of_[id]].push_back(id);
+    for (const auto& [id, lens] : FindSharedLenses(database_)) lens_of_[id] = lens;
+    for (const auto& [id, known] : known_) {
+      if (known.lens && !known.HasLearned()) num_pairs_[lens_of_[id]] = known.lens->num_pairs;
+      const bool has_open_focal = !known.camera.IsPlanar() && !known.camera.FocalIndices().empty();
+      if (has_open_focal && !IsKnown(id)) open[lens_of_[id]].push_back(id);
     }
     if (open.empty()) return {};
-    camera_of_ = CamerasOfImages(database_);
     const std::map<camera_t, std::vector<image_pair_t>> pairs_of = FindPairs();
     std::vector<std::string> texts;
     for (const auto& [lens, cameras] : open) {
@@ -74,11 +73,7 @@ class WideFocalFinder {
 
   bool HasMoreSupport(const std::map<camera_t, Camera>& others) {
     const camera_t lens = others.begin()->first;
-    for (const auto& [id, known] : ReadKnownIntrinsics(database_)) {
-      cameras_[id] = known.camera;
-      lens_of_[id] = others.contains(id) ? lens : id;
-    }
-    camera_of_ = CamerasOfImages(database_);
+    for (const auto& [id, other] : others) lens_of_[id] = lens;
     const std::vector<WidePair> pairs = ReadPairs(FindPairs()[lens]);
     const double before = Supports(lens, pairs, {kAsItIs}).front();
     for (const auto& [id, other] : others) cameras_.at(id) = other;
@@ -91,6 +86,12 @@ class WideFocalFinder {
     double focal_px = 0;
     double support = 0;
   };
+
+  // Is the focal length more than a guess?
+  bool IsKnown(camera_t id) const {
+    const KnownIntrinsics& known = known_.at(id);
+    return known.HasPriorFocal() || known.HasLearned() || known.IsConstant();
+  }
 
   // The focal length of the lens near the guess by which the pairs have the most support.
   Found FindBest(camera_t lens, const std::vector<WidePair>& pairs, double guess) const {
@@ -152,9 +153,6 @@ class WideFocalFinder {
     }
     std::sort(ranked.begin(), ranked.end());
     std::map<camera_t, std::vector<image_pair_t>> pairs;
-    const auto is_known = [&](camera_t id) {
-      return cameras_.at(id).has_prior_focal_length || learned_.count(id) > 0;
-    };
     for (const auto& [count, pair_id] : ranked) {
       const auto [image1, image2] = PairIdToImagePair(pair_id);
       const auto camera1 = camera_of_.find(image1), camera2 = camera_of_.find(image2);
@@ -162,8 +160,8 @@ class WideFocalFinder {
       const auto lens1 = lens_of_.find(camera1->second), lens2 = lens_of_.find(camera2->second);
       if (lens1 == lens_of_.end() || lens2 == lens_of_.end()) continue;  // of unknown models
       const bool is_one = lens1->second == lens2->second;
-      if (is_one || is_known(camera2->second)) pairs[lens1->second].push_back(pair_id);
-      if (!is_one && is_known(camera1->second)) pairs[lens2->second].push_back(pair_id);
+      if (is_one || IsKnown(camera2->second)) pairs[lens1->second].push_back(pair_id);
+      if (!is_one && IsKnown(camera1->second)) pairs[lens2->second].push_back(pair_id);
     }
     return pairs;
   }
@@ -231,11 +229,11 @@ class WideFocalFinder {
   Database& database_;
   const TwoViewOptions& options_;
   const RunContext& run_;
-  std::map<camera_t, Camera> cameras_;
+  const std::map<camera_t, KnownIntrinsics> known_;
+  const std::map<image_t, camera_t> camera_of_;
+  std::map<camera_t, Camera> cameras_;    // as they are, or are tried
   std::map<camera_t, camera_t> lens_of_;  // the camera that stands for it
   std::map<camera_t, int> num_pairs_;     // of a lens, when it was looked at
-  std::map<image_t, camera_t> camera_of_;
-  std::set<camera_t> learned_;
 };
 
 }  // namespace

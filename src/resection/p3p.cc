@@ -76,8 +76,7 @@ int MeetLine(const Vector3d& line, const Matrix3d& C, Vector3d points[2]) {
 
 }  // namespace
 
-int P3pSolver::Solve(const std::array<Sample, kSampleSize>& samples,
-                     std::array<Model, kMaxSolutions>& models) const {
+int P3pSolver::Solve(const Sample* samples, Model* models) {
   const Vector3d* const x[3] = {&samples[0].xyz, &samples[1].xyz, &samples[2].xyz};
   const Vector3d* const y[3] = {&samples[0].ray, &samples[1].ray, &samples[2].ray};
   // Pair k joins points k and (k + 1) % 3.

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <array>
 
 #include "cairn/geometry/rigid3d.h"
 
@@ -18,8 +17,7 @@ struct P3pSample {
   Eigen::Vector3d xyz;  // world
 };
 
-class P3pSolver {
- public:
+struct P3pSolver {
   static constexpr int kSampleSize = 3;
   static constexpr int kMaxSolutions = 4;
   using Sample = P3pSample;
@@ -27,8 +25,7 @@ class P3pSolver {
 
   // Writes the poses with all three points in front of the camera; returns how many. Collinear or
   // coincident points give 0.
-  int Solve(const std::array<Sample, kSampleSize>& samples,
-            std::array<Model, kMaxSolutions>& models) const;
+  static int Solve(const Sample* samples, Model* models);
 };
 
 }  // namespace cairn

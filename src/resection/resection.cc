@@ -1,7 +1,6 @@
 #include "cairn/resection/resection.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
 
@@ -42,14 +41,11 @@ class ResectionEstimator {
   int NumData() const { return static_cast<int>(usable_.size()); }
 
   int Solve(const uint32_t* sample, Model* models) const {
-    std::array<P3pSample, kSampleSize> samples;
+    P3pSample samples[kSampleSize];
     for (int k = 0; k < kSampleSize; ++k) {
       samples[k] = {bearings_[sample[k]], points_.xyz[usable_[sample[k]]]};
     }
-    std::array<Model, kMaxSolutions> solutions;
-    const int num = solver_.Solve(samples, solutions);
-    std::copy_n(solutions.begin(), num, models);
-    return num;
+    return P3pSolver::Solve(samples, models);
   }
 
   // MSAC (Torr and Zisserman 2000): the sum of 1 - (error / max_error)^2 over the inliers.
@@ -119,7 +115,6 @@ class ResectionEstimator {
   std::vector<int> usable_;            // correspondences whose distortion can be undone
   std::vector<Eigen::Vector2d> rays_;  // of planar cameras alone
   std::vector<Eigen::Vector3d> bearings_;
-  P3pSolver solver_;
 };
 
 // The guess itself, then others between a half and twice of it, evenly in the logarithm.

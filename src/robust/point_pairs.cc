@@ -98,8 +98,11 @@ bool PointPairs::SetPixels(int i, const Camera& camera1, const Eigen::Vector2d& 
   const auto ray1 = camera1.RayFromImg(pixel1);
   const auto ray2 = camera2.RayFromImg(pixel2);
   if (!ray1 || !ray2) return false;
-  const double radians_per_px1 = camera1.RadiansPerPx(*ray1);
-  const double radians_per_px2 = camera2.RadiansPerPx(*ray2);
+  // (Focal lengths that are not the cameras' own count errors in units that are not their pixels.)
+  const double radians_per_px1 =
+      camera1.RadiansPerPx(*ray1) * (static_cast<float>(camera1.MeanFocal()) / focal1_px_);
+  const double radians_per_px2 =
+      camera2.RadiansPerPx(*ray2) * (static_cast<float>(camera2.MeanFocal()) / focal2_px_);
   if (!std::isfinite(radians_per_px1) || !std::isfinite(radians_per_px2)) return false;
   SetRays(i, *ray1, radians_per_px1, *ray2, radians_per_px2);
   return true;

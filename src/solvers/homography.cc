@@ -74,7 +74,8 @@ bool HomographyFromPoints(std::span<const PointCorrespondence> samples, Eigen::M
   return H->allFinite();
 }
 
-int DecomposeHomography(const Eigen::Matrix3d& H, PlaneMotion* motions, double rotation_tolerance) {
+int DecomposeHomography(const Eigen::Matrix3d& H, PlaneMotion* motions) {
+  constexpr double kMinSpread = 1e-9;  // of the singular values of a plane's
   // Scale to middle singular value 1 and positive determinant: H = R + (t / d) n^T.
   auto [U, V, s] = SingularValues(H);
   if (!(s.z() > 0.0)) return 0;
@@ -83,7 +84,7 @@ int DecomposeHomography(const Eigen::Matrix3d& H, PlaneMotion* motions, double r
   s /= s.y();
   const double a = s.x() * s.x() - 1.0;  // both >= 0
   const double c = 1.0 - s.z() * s.z();
-  if (a + c <= 2.0 * rotation_tolerance) {
+  if (a + c <= 2.0 * kMinSpread) {
     const Eigen::Matrix3d R = U * V.transpose();
     motions[0] = {Rigid3d(R.determinant() < 0.0 ? Eigen::Matrix3d(-R) : R, Eigen::Vector3d::Zero()),
                   Eigen::Vector3d::Zero()};

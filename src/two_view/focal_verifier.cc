@@ -22,12 +22,6 @@ bool AreTrusted(const PairInput& input) {
   return input.camera1->has_prior_focal_length && input.camera2->has_prior_focal_length;
 }
 
-// Without its focal length, a wide camera's rays are not even a linear map of the right ones:
-// there is no fundamental matrix to fall back on, or to compare with.
-bool IsWide(const PairInput& input) {
-  return !input.camera1->IsPlanar() || !input.camera2->IsPlanar();
-}
-
 // Whether a quarter of the matches and more are off by one shift: so are marks that repeat, but not
 // the points of a scene.
 bool HaveOneShift(const PairInput& input, std::span<const FeatureMatch> matches,
@@ -90,23 +84,23 @@ PairReport FocalVerifier::VerifyMatches(const PairInput& input) {
   PreparePair(input, options_, steps_.uses_votes ? MatchOrder::kByConsensus : MatchOrder::kGiven,
               &pair_);
   PairReport report = VerifyCalibrated(pair_, steps_, options_);
+  // Without its focal length, a wide camera's rays are not even a linear map of the right ones:
+  // there is no fundamental matrix to fall back on, or to compare with.
+  const bool is_wide = pair_.points.is_wide();
   // (At wrong focal lengths, what E explains of a scene may be one of its planes.)
-  const bool weighs =
-      input.weigh_focals && AreTrusted(input) && !IsWide(input) && report.geometry.E;
-  const bool needs_fundamental = NeedsFundamental(report);
+  const bool weighs = input.weigh_focals && AreTrusted(input) && !is_wide && report.geometry.E;
+  const bool needs_fundamental = !is_wide && NeedsFundamental(report);
   if (!steps_.uses_votes && (weighs || needs_fundamental)) {
     PreparePair(input, options_, MatchOrder::kByConsensus, &pair_);
   }
   if (weighs) report.focal_evidence = WeighFocals(pair_, *report.geometry.E, options_);
   if (needs_fundamental) return Judge(std::move(report));
-  if (IsWide(input) && !AreTrusted(input) && HasPose(report)) {
-    return WithoutEssential(std::move(report));
-  }
-  return report;
+  const bool is_of_guess = is_wide && !AreTrusted(input) && HasPose(report);
+  return is_of_guess ? WithoutEssential(std::move(report)) : report;
 }
 
 bool FocalVerifier::NeedsFundamental(const PairReport& report) const {
-  if (report.status == PairStatus::kDegenerate || IsWide(pair_.input)) return false;
+  if (report.status == PairStatus::kDegenerate) return false;
   if (report.status != PairStatus::kVerified) return searches_ && !AreTrusted(pair_.input);
   // Planes and rotations have no fundamental matrix of their own, but things before a plane give
   // one, and without focal lengths nothing else tells the motion; two models may be one.

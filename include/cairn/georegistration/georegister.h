@@ -94,6 +94,7 @@ struct Georegistration {
   std::vector<std::string> unused_altitudes;  // names; their horizontal positions are used
   // "point in photograph": measurements of control points that lie outside of the photograph.
   std::vector<std::string> outside;
+  std::vector<std::string> shown_once;  // control points that one image alone of the model shows
   // Control points whose measurements contradict each other, or meet at too small an angle.
   std::vector<std::string> unlocated;
   double median_residual_m = 0;  // of what the similarity is by, without wrong rows

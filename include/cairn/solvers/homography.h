@@ -29,10 +29,8 @@ struct PlaneMotion {
 
 // The motions of a homography of normalized points (Ma, Soatto, Kosecka and Sastry, "An Invitation
 // to 3-D Vision", 5.3.3): four for a plane (two opposite pairs, half of which put the points behind
-// the camera), one with zero translation and normal when H is a rotation within
-// `rotation_tolerance` (relative spread of its singular values). Returns the count; motions holds
-// at least four.
-int DecomposeHomography(const Eigen::Matrix3d& H, PlaneMotion* motions,
-                        double rotation_tolerance = 1e-9);
+// the camera), one with zero translation and normal when H is a rotation but for rounding. Returns
+// the count; motions holds at least four.
+int DecomposeHomography(const Eigen::Matrix3d& H, PlaneMotion* motions);
 
 }  // namespace cairn

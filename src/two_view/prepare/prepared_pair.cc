@@ -18,6 +18,11 @@ double BandPerPx(const Camera& camera) {
   return 2.0 * camera.DiagonalPx() / (static_cast<double>(camera.width) * camera.height);
 }
 
+// How much a pixel of the image counts among the errors of the pair: by the threshold of its size.
+double UnitsPerPx(const Camera& camera, const TwoViewOptions& options, const PreparedPair& pair) {
+  return options.max_error_px > 0.0 ? 1.0 : pair.max_error_px / DefaultMaxErrorPx(camera, camera);
+}
+
 // Votes are counted among so many matches: enough to find right ones where there are more.
 constexpr int kMaxVoters = 512;
 
@@ -62,11 +67,14 @@ bool HasFrames(std::span<const Keypoint> keypoints, std::span<const FeatureMatch
 }
 
 // Undistorts the matches in their order and leaves out those that a camera cannot express.
-void Undistort(std::span<const int32_t> order, PreparedPair* pair) {
+void Undistort(std::span<const int32_t> order, double units_per_px1, double units_per_px2,
+               PreparedPair* pair) {
   const PairInput& input = pair->input;
   const std::array<int, PreparedPair::kNumVoteClasses> class_end = pair->vote_class_end;
   const int num_matches = static_cast<int>(order.size());
-  pair->points.Reset(num_matches, *input.camera1, *input.camera2);
+  pair->points.Reset(num_matches, units_per_px1 * input.camera1->MeanFocal(),
+                     units_per_px2 * input.camera2->MeanFocal(),
+                     !input.camera1->IsPlanar() || !input.camera2->IsPlanar());
   pair->match_index.clear();
   int c = 0;
   for (int k = 0; k <= num_matches; ++k) {
@@ -121,7 +129,10 @@ void PreparePair(const PairInput& input, const TwoViewOptions& options, MatchOrd
   pair->input = input;
   pair->max_error_px =
       options.max_error_px > 0.0 ? options.max_error_px : DefaultMaxErrorPx(camera1, camera2);
-  pair->chance_per_px = 0.5 * (BandPerPx(camera1) + BandPerPx(camera2));
+  const double units_per_px1 = UnitsPerPx(camera1, options, *pair);
+  const double units_per_px2 = UnitsPerPx(camera2, options, *pair);
+  pair->chance_per_px =
+      0.5 * (BandPerPx(camera1) / units_per_px1 + BandPerPx(camera2) / units_per_px2);
   for (const FeatureMatch& match : input.matches) {
     CAIRN_CHECK_LT(match.point1, input.keypoints1.size());
     CAIRN_CHECK_LT(match.point2, input.keypoints2.size());
@@ -136,7 +147,7 @@ void PreparePair(const PairInput& input, const TwoViewOptions& options, MatchOrd
   pair->vote_class_end.back() = static_cast<int>(order.size());
   pair->consensus_sigmas = 0.0;
   if (match_order == MatchOrder::kByConsensus && pair->has_frames) OrderByConsensus(&order, pair);
-  Undistort(order, pair);
+  Undistort(order, units_per_px1, units_per_px2, pair);
   pair->best_first.clear();
   if (!pair->input.are_best_first) return;
   pair->best_first.resize(pair->match_index.size());

@@ -31,7 +31,9 @@ struct PreparedPair {
   PointPairs points;
   std::vector<int32_t> match_index;  // of points[i] in input.matches
 
-  double max_error_px = 1.0;  // the threshold in force
+  // The threshold in force; by default the mean of those of both sizes. Errors are in pixels of an
+  // image of that mean size: a pixel of the smaller image counts more, one of the larger less.
+  double max_error_px = 1.0;
   // Probability that a random pair of points has an error below 1 px: band of an epipolar line over
   // the image area, the mean of both images.
   double chance_per_px = 1e-3;

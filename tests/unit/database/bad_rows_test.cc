@@ -66,6 +66,15 @@ TEST_F(BadRowsTest, ImagesThatNoModelCanHold) {
   EXPECT_THAT(bad[1], HasSubstr("image 2: the name has a line break"));
 }
 
+// (4294967297 is 1 in its lower half, PINHOLE's.)
+TEST_F(BadRowsTest, ACameraModelThatIsNone) {
+  Sql("UPDATE cameras SET model = 4294967297");
+  const Database database(Path());
+  EXPECT_THAT(database.ReadCameras(), IsEmpty());
+  ASSERT_THAT(database.ReadUnknownCameras(), SizeIs(1));
+  EXPECT_EQ(database.ReadUnknownCameras()[0].model_id, 4294967297);
+}
+
 TEST_F(BadRowsTest, ARowOfAnImageThatIsGone) {
   Sql("DELETE FROM images WHERE image_id = 3");
   const Database database(Path());

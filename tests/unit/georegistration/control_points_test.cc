@@ -130,6 +130,16 @@ TEST_F(ControlPointsTest, WhatCannotBeRightIsSaid) {
   EXPECT_THAT(first_warning(larger), HasSubstr("outside of their photographs ("));
 }
 
+TEST_F(ControlPointsTest, PointsThatOnePhotographAloneShowsAreNamed) {
+  std::vector<ControlPoint> points = points_;
+  points[2].pixels = {*points[2].pixels.begin()};
+  points[5].pixels = {{"another.jpg", {1, 2}}};
+  const Georegistration found = Georegister(model_, {rows_, points});
+  EXPECT_EQ(found.points.size(), points.size() - 2);
+  EXPECT_THAT(WarningsOf(found).at(0).what,
+              HasSubstr("only one photograph shows, not used (1): " + points[2].name));
+}
+
 TEST_F(ControlPointsTest, MeasurementsThatDoNotMeetAreNamed) {
   points_.resize(8);
   std::vector<ControlPoint> points = points_;

@@ -191,6 +191,15 @@ TEST_F(WideCamerasTest, CamerasThatAreKnownOrPlanarAreNotAsked) {
   EXPECT_EQ(database_.ReadCameras()[0].params, known.params);
 }
 
+// Scripts that write calibrated cameras seldom say that their focal lengths are known.
+TEST_F(WideCamerasTest, MeasuredCamerasStayAsTheyAre) {
+  Camera measured = MakeCamera(CameraModel::kOpenCVFisheye, {380, 384, 603, 597, -0.02, 0, 0, 0});
+  measured.has_prior_focal_length = false;
+  WriteWideScene(measured, measured, {.field_deg = 150}, 2, database_);
+  EXPECT_THAT(LearnWideFocals(database_, {}, {.num_threads = 2}), IsEmpty());
+  EXPECT_TRUE(ReadKnownIntrinsics(database_).at(1).IsConstant());
+}
+
 TEST_F(WideCamerasTest, ACameraOfAnUnknownModelExcludesItsImagesOnly) {
   const Camera camera = MakeCamera(CameraModel::kSimpleFisheye, {380, 600, 600});
   const Reconstruction truth = WriteWideScene(camera, camera, {}, 4, database_);

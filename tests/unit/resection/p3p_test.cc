@@ -33,8 +33,8 @@ TEST(P3p, FindsTheTruePose) {
   for (int trial = 0; trial < num_trials; ++trial) {
     const Rigid3d pose = RandomPose(rng);
     const auto samples = RandomSamples(rng, pose);
-    std::array<Rigid3d, 4> models;
-    const int num = P3pSolver().Solve(samples, models);
+    Rigid3d models[4];
+    const int num = P3pSolver::Solve(samples.data(), models);
     double best = 1e9;
     for (int i = 0; i < num; ++i) {
       best = std::min(best, AngleBetween(models[i].rotation, pose.rotation) +
@@ -50,8 +50,8 @@ TEST(P3p, EverySolutionReprojectsExactlyAndInFront) {
   int64_t num_solutions = 0;
   for (int trial = 0; trial < 2000; ++trial) {
     const auto samples = RandomSamples(rng, RandomPose(rng));
-    std::array<Rigid3d, 4> models;
-    const int num = P3pSolver().Solve(samples, models);
+    Rigid3d models[4];
+    const int num = P3pSolver::Solve(samples.data(), models);
     for (int i = 0; i < num; ++i) {
       for (const P3pSample& sample : samples) {
         const Eigen::Vector3d x = models[i] * sample.xyz;
@@ -68,11 +68,11 @@ TEST(P3p, DoesNotDependOnTheWorldsUnit) {
   Rng rng(3);
   const Rigid3d pose = RandomPose(rng);
   auto samples = RandomSamples(rng, pose);
-  std::array<Rigid3d, 4> models;
-  std::array<Rigid3d, 4> scaled;
-  const int num = P3pSolver().Solve(samples, models);
+  Rigid3d models[4];
+  Rigid3d scaled[4];
+  const int num = P3pSolver::Solve(samples.data(), models);
   for (P3pSample& sample : samples) sample.xyz *= 1e4;
-  ASSERT_EQ(P3pSolver().Solve(samples, scaled), num);
+  ASSERT_EQ(P3pSolver::Solve(samples.data(), scaled), num);
   for (int i = 0; i < num; ++i) {
     EXPECT_LT(AngleBetween(models[i].rotation, scaled[i].rotation), 1e-7);
     EXPECT_LT((1e4 * models[i].translation - scaled[i].translation).norm(), 1e-2);
@@ -82,11 +82,11 @@ TEST(P3p, DoesNotDependOnTheWorldsUnit) {
 TEST(P3p, CollinearOrEqualPointsGiveNothing) {
   Rng rng(4);
   auto samples = RandomSamples(rng, RandomPose(rng));
-  std::array<Rigid3d, 4> models;
+  Rigid3d models[4];
   samples[2].xyz = 0.3 * samples[0].xyz + 0.7 * samples[1].xyz;
-  EXPECT_EQ(P3pSolver().Solve(samples, models), 0);
+  EXPECT_EQ(P3pSolver::Solve(samples.data(), models), 0);
   samples[2].xyz = samples[1].xyz = samples[0].xyz;
-  EXPECT_EQ(P3pSolver().Solve(samples, models), 0);
+  EXPECT_EQ(P3pSolver::Solve(samples.data(), models), 0);
 }
 
 }  // namespace

@@ -250,6 +250,23 @@ TEST(WidePointPairs, HoldPixelsOfAnyCameraAndTheirSigns) {
   EXPECT_EQ(copy.weight2()[0], points.weight2()[1]);
 }
 
+TEST(WidePointPairs, FocalLengthsAreTheUnitOfErrors) {
+  const Camera fisheye = Camera::FromFocal(1, CameraModel::kSimpleFisheye, 300, 1200, 1200);
+  const Camera pinhole = Camera::FromFocal(2, CameraModel::kPinhole, 800, 1200, 1000);
+  Rng rng(3);
+  const Eigen::Matrix3d E = EssentialFromPose(RandomScene(rng, 1).cam2_from_cam1);
+  float errors[2][PointPairs::kBlock], transfers[2][PointPairs::kBlock];
+  for (int k = 0; k < 2; ++k) {
+    PointPairs points;
+    points.Reset(1, (k + 1) * 300, (k + 1) * 800, true);
+    ASSERT_TRUE(points.SetPixels(0, fisheye, {700, 600}, pinhole, {500, 700}));
+    SampsonErrors(points, E, errors[k]);
+    HomographyErrors(points, Eigen::Matrix3d::Identity(), transfers[k]);
+  }
+  EXPECT_NEAR(errors[1][0] / errors[0][0], 2, 1e-5);
+  EXPECT_NEAR(transfers[1][0] / transfers[0][0], 2, 1e-5);
+}
+
 Eigen::Matrix<double, 3, 2> Tangent(const Eigen::Vector3d& t) {
   Eigen::Matrix<double, 3, 2> basis;
   basis.col(0) = t.cross(Eigen::Vector3d(0.3, 1.0, -0.2)).normalized();

@@ -70,6 +70,26 @@ TEST_P(Verifiers, SwappedImagesInvertThePose) {
   EXPECT_EQ(there.num_inliers, back.num_inliers);
 }
 
+// Its noise and its threshold shrink with the image.
+TEST_P(Verifiers, AnImageOfHalfTheSizeIsAsGood) {
+  const Pair pair = MakePair({.noise_px = 1.0}, 8);
+  Pair resized = pair;
+  resized.camera2 = Camera::FromFocal(2, CameraModel::kSimpleRadial, 600, 800, 800);
+  resized.camera2.has_prior_focal_length = true;
+  for (Keypoint& k : resized.keypoints2) {
+    k = {k.x / 2, k.y / 2, k.a11 / 2, k.a12 / 2, k.a21 / 2, k.a22 / 2};
+  }
+  for (DepthSample& sample : resized.depth2) {
+    sample.ddepth_dx *= 2;
+    sample.ddepth_dy *= 2;
+  }
+  const PairReport whole = Make()->Verify(pair.Input()), half = Make()->Verify(resized.Input());
+  ASSERT_EQ(whole.status, PairStatus::kVerified);
+  ASSERT_EQ(half.status, PairStatus::kVerified);
+  EXPECT_TRUE(whole.geometry.inlier_matches == half.geometry.inlier_matches);
+  EXPECT_LT(PoseError(*whole.geometry.cam2_from_cam1, *half.geometry.cam2_from_cam1), 1e-4);
+}
+
 TEST_P(Verifiers, ResultDoesNotDependOnWhatWasVerifiedBefore) {
   const Pair pair = MakePair({}, 4);
   const auto fresh = Make(), used = Make();
