@@ -48,6 +48,7 @@ std::vector<size_t> FindDuplicates(StageContext& context, const ViewGraph& graph
   const DuplicateStructure found = FindDuplicateStructure(model, graph, context.run);
   stage.Add("edges_removed", found.edges.size());
   stage.Add("edges_conflicting", found.num_conflicting);
+  stage.Add("edges_told", found.num_told);
   if (!found.edges.empty()) {
     stage.Warn("duplicate structure: the model puts similar places on top of each other; " +
                std::to_string(found.edges.size()) + " pairs between them " + consequence);

@@ -135,12 +135,16 @@ std::string FoundText(camera_t id, const Reconstruction& model, const FreerModel
 ResultWarning OffCenter(const std::set<camera_t>& cameras, const Reconstruction& model,
                         const FreerModel& found) {
   const size_t num_more = cameras.size() - 1;
-  return {"image centers are kept that the photos contradict: " +
-              FoundText(*cameras.begin(), model, found) +
-              (num_more > 0 ? ", and " + std::to_string(num_more) + " more" : "") +
-              "; all directions are off with them",
-          "take them from the photos by --reconstruct.refine_principal_points all, or give the "
-          "camera's calibration"};
+  const camera_t farthest = *std::ranges::max_element(cameras, {}, [&](camera_t id) {
+    return (found.model.cameras.at(id).PrincipalPoint() - model.cameras.at(id).PrincipalPoint())
+        .norm();
+  });
+  return {
+      "image centers are kept that the photos contradict: " + FoundText(farthest, model, found) +
+          (num_more > 0 ? ", and " + std::to_string(num_more) + " more" : "") +
+          "; all directions are off with them",
+      "take them from the photos by --reconstruct.refine_principal_points all, or give the "
+      "camera's calibration"};
 }
 
 // Of these cameras, if the matches agree better with what bundle adjustment finds, by more than

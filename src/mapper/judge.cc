@@ -213,8 +213,9 @@ std::vector<ResultWarning> JudgeModel(StageContext& context, const BuiltModel& b
   if (const std::vector<image_t> down = ImagesUpsideDown(model); !down.empty()) {
     warn({"upside down beside the others (" + std::to_string(down.size()) +
               "): " + Names(context.scene, down),
-          "if they were not taken so, something that looks the same when turned round put them "
-          "there: build_view_graph --features.estimate_upright 1 matches upright photos alone"});
+          "if neither camera nor object was turned over, something that looks the same when turned "
+          "round put them there: build_view_graph --features.estimate_upright 1 matches upright "
+          "photos alone"});
   }
   if (const std::vector<image_t> far = ImagesOfLongFocals(context, model); !far.empty()) {
     const Camera& camera = model.CameraOf(model.images.at(far.front()));
