@@ -18,7 +18,7 @@ namespace {
 
 // A pair contradicts where more of them lie in cells without any match than its matching rate
 // explains, by this many standard deviations.
-constexpr double kMinDeviations = 3;
+constexpr double kMinDeviations = 1;
 
 // What two views show of each other: the more comparable points, the more it counts.
 struct Comparison {

@@ -1,5 +1,6 @@
 #include "view_graph/duplicate_structure.h"
 
+#include <functional>
 #include <numeric>
 #include <set>
 
@@ -108,50 +109,85 @@ TEST(DuplicateStructure, APlaceThatChangedALittleIsOne) {
   }
 }
 
+// Photographs of a wall of 20 x 20 points, one beside the other.
+struct Wall : Place {
+  explicit Wall(int num_images) {
+    model.cameras[1] = Camera::FromFocal(1, CameraModel::kSimplePinhole, 1000, 1000, 1000);
+    for (int i = 1; i <= num_images; ++i) {
+      RegisteredImage& image = model.images[i];
+      image.image = {static_cast<image_t>(i), std::to_string(i), 1};
+      image.cam_from_world.translation.x() = -0.01 * i;
+      graph.image_ids.push_back(i);
+    }
+  }
+  // A point that these images see.
+  void AddPoint(int k, const std::function<bool(int)>& is_seen_by) {
+    Point3D point;
+    point.xyz = {(k % 20 - 9.5) / 2.1, (k / 20 - 9.5) / 2.1, 10};
+    for (auto& [id, image] : model.images) {
+      if (!is_seen_by(static_cast<int>(id))) continue;
+      point.track.push_back({id, static_cast<point2D_t>(image.points2D.size())});
+      image.points2D.push_back(*model.cameras[1].ImgFromRay(image.cam_from_world * point.xyz));
+      image.point3D_ids.push_back(kInvalidPoint3DId);
+    }
+    model.AddPoint3D(point);
+  }
+  void AddPair(int i, int j) {
+    ViewEdge edge;
+    edge.image_id1 = i;
+    edge.image_id2 = j;
+    edge.num_inliers = 100;
+    graph.edges.push_back(edge);
+    graph.Normalize();
+  }
+};
+
 // A wall before (16 images) and after (3) half of it was painted, with one pair between them: too
 // few to be proven another place. An image without pairs changes nothing about that.
 TEST(DuplicateStructure, AnImageAloneKeepsNoOthersApart) {
   constexpr int kBefore = 16, kPaired = 19, kAll = 20;
-  Place wall;
-  wall.model.cameras[1] = Camera::FromFocal(1, CameraModel::kSimplePinhole, 1000, 1000, 1000);
-  for (int i = 1; i <= kAll; ++i) {
-    RegisteredImage& image = wall.model.images[i];
-    image.image = {static_cast<image_t>(i), std::to_string(i), 1};
-    image.cam_from_world.translation.x() = -0.01 * i;
-    wall.graph.image_ids.push_back(i);
-  }
-  const auto add_point = [&](int column, int row, auto is_seen_by) {
-    Point3D point;
-    point.xyz = {(column - 9.5) / 2.1, (row - 9.5) / 2.1, 10};
-    for (auto& [id, image] : wall.model.images) {
-      if (!is_seen_by(static_cast<int>(id))) continue;
-      point.track.push_back({id, static_cast<point2D_t>(image.points2D.size())});
-      image.points2D.push_back(*wall.model.cameras[1].ImgFromRay(image.cam_from_world * point.xyz));
-      image.point3D_ids.push_back(kInvalidPoint3DId);
-    }
-    wall.model.AddPoint3D(point);
-  };
+  Wall wall(kAll);
   const auto is_after = [](int i) { return i > kBefore && i <= kPaired; };
   for (int k = 0; k < 400; ++k) {
     if (k % 20 < 10) {
-      add_point(k % 20, k / 20, [](int) { return true; });
+      wall.AddPoint(k, [](int) { return true; });
     } else {
-      add_point(k % 20, k / 20, [&](int i) { return !is_after(i); });
-      add_point(k % 20, k / 20, is_after);
+      wall.AddPoint(k, [&](int i) { return !is_after(i); });
+      wall.AddPoint(k, is_after);
     }
   }
   for (int i = 1; i <= kPaired; ++i) {
     for (int j = i + 1; j <= kPaired; ++j) {
-      if (is_after(i) != is_after(j) && (i != kBefore || j != kBefore + 1)) continue;
-      ViewEdge edge;
-      edge.image_id1 = i;
-      edge.image_id2 = j;
-      edge.num_inliers = 100;
-      wall.graph.edges.push_back(edge);
+      if (is_after(i) == is_after(j) || (i == kBefore && j == kBefore + 1)) wall.AddPair(i, j);
     }
   }
-  wall.graph.Normalize();
   EXPECT_TRUE(wall.BetweenDuplicates().empty());
+}
+
+// Two doors, of which one half looks alike, and matches badly: not by chance is nothing of the
+// other half matched.
+TEST(DuplicateStructure, PlacesWhoseCommonPartMatchesBadlyAreTwo) {
+  Wall doors(16);
+  Rng rng(1);
+  const auto is_other = [](int i) { return i > 8; };
+  size_t num_between = 0;
+  for (int k = 0; k < 400; ++k) {
+    if (k % 20 < 10 && rng.Uniform(0, 1) < 0.15) {
+      doors.AddPoint(k, [](int) { return true; });
+    } else {
+      doors.AddPoint(k, [&](int i) { return !is_other(i); });
+      doors.AddPoint(k, is_other);
+    }
+  }
+  for (int i = 1; i <= 16; ++i) {
+    for (int j = i + 1; j <= 16; ++j) {
+      doors.AddPair(i, j);
+      num_between += is_other(i) != is_other(j);
+    }
+  }
+  const DuplicateStructure found = doors.Find();
+  EXPECT_EQ(found.edges.size(), num_between);
+  EXPECT_EQ(found.num_conflicting, static_cast<int>(num_between));
 }
 
 TEST(DuplicateStructure, EdgesOutOfUseAreNotJudged) {
