@@ -18,7 +18,7 @@ struct DuplicateStructure {
   int num_told = 0, num_conflicting = 0;
   std::vector<image_t> images{};  // of the conflicting ones
 
-  // Groups may not be told where few edges tell. Of right models, at most 2 in 100 conflict.
+  // Groups may not be told where few edges tell. Of right models, at most 4 in 100 conflict.
   bool IsDoubtful() const { return num_conflicting >= 5 && 10 * num_conflicting > num_told; }
 };
 
