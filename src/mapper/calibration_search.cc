@@ -12,6 +12,11 @@ namespace {
 // kinds.
 constexpr double kAbsorbedErrors = 0.05;
 
+// Nearly all loops of three rotations close: pairs have right poses, whatever their intrinsics.
+bool AgreeAround(const LoopReport& loops) {
+  return 10 * (loops.num_loops - loops.num_closed) < loops.num_loops;
+}
+
 // Graph and models by one calibration.
 struct CalibratedResult {
   PartResult result;
@@ -19,7 +24,8 @@ struct CalibratedResult {
   // Many cameras must explain so much more than one camera for all.
   double least_gain = 0;
   std::set<image_t> left_exif;
-  std::optional<Calibration> calibration;  // where the models are quick to build once more
+  // Where the models are quick to build once more, and pairs contradict each other.
+  std::optional<Calibration> calibration;
 
   double Score() const {
     return result.evidence_nats - least_gain * std::max(0.0, result.evidence_nats);
@@ -42,7 +48,9 @@ CalibratedResult ReconstructCalibrated(const SceneData& scene,
         ImagesThatLeftExif(scene, settings.focal_calibration.exif_sigma, result.models);
   }
   result.graph = std::move(graph.graph);
-  if (std::ranges::all_of(result.models, IsQuick)) calibrated.calibration = scene;
+  if (!AgreeAround(graph.report.loops) && std::ranges::all_of(result.models, IsQuick)) {
+    calibrated.calibration = scene;
+  }
   return calibrated;
 }
 
