@@ -108,4 +108,23 @@ inline double Value(const StageReport& stage, const std::string& key) {
   return 0;
 }
 
+// The scene's database, in which focal lengths are guesses, off by a factor.
+inline Database MakeDatabaseWithGuesses(const SyntheticScene& scene, double factor) {
+  Database database = MakeDatabase(scene);
+  for (auto [id, camera] : scene.cameras) {
+    camera.SetMeanFocal(factor * camera.MeanFocal());
+    camera.has_prior_focal_length = false;
+    database.WriteCamera(camera);
+  }
+  return database;
+}
+
+// Focal lengths are the true ones times a factor.
+inline void ExpectFocals(const Reconstruction& model, const SyntheticScene& scene, double factor,
+                         double tolerance) {
+  for (const auto& [id, camera] : model.cameras) {
+    EXPECT_NEAR(camera.MeanFocal() / scene.cameras.at(id).MeanFocal(), factor, tolerance);
+  }
+}
+
 }  // namespace cairn
