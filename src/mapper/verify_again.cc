@@ -73,15 +73,15 @@ ReverifiedPairs VerifyAgain(StageContext& context, const Reconstruction& model,
 
 bool TakeIntrinsics(std::span<const Reconstruction> models, const RunContext& run,
                     SceneData& scene) {
-  std::set<camera_t> moved;
-  for (const Reconstruction& model : models) {
+  std::set<camera_t> seen = scene.constant_cameras, moved;
+  for (const Reconstruction& model : models) {  // the largest that has a camera tells
     for (const auto& [id, image] : model.images) {
       Camera& camera = scene.cameras.at(scene.CameraIdOf(id));
-      if (scene.constant_cameras.contains(camera.camera_id)) continue;
+      if (!seen.insert(camera.camera_id).second) continue;
       Camera found = model.CameraOf(image);
       found.camera_id = camera.camera_id;
       found.has_prior_focal_length = camera.has_prior_focal_length;
-      if (moved.contains(camera.camera_id) || !HasMoved(camera, found)) continue;
+      if (!HasMoved(camera, found)) continue;
       scene.before_models.try_emplace(camera.camera_id, camera);
       moved.insert(camera.camera_id);
       camera = std::move(found);
